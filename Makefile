@@ -11,12 +11,13 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-lowest test-kill test-net test-net-full test-browser test-viewer check bench soak trust pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark check bench soak trust pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
 	$(BIN)/scaraspec demo --out reports/out/demo
 
+# Less than five minutes on two processors.
 test: check
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
@@ -25,7 +26,12 @@ FAST := $(addprefix conformance/tests/,protocol traffic judge report mutants) co
 test-fast: $(READY)
 	$(BIN)/pytest -q -n $(WORKERS) --dist worksteal $(FAST)
 
-# The same tests with the oldest versions that pyproject.toml allows, in a separate environment.
+# Tests with long runs that few changes concern: the tutorial, the installation of the wheel, and the
+# whole suite with less than all hazards allowed.
+test-runs: $(READY)
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m runs
+
+# All tests with the oldest versions that pyproject.toml allows, in a separate environment.
 test-lowest: LOWEST := .venv/lowest/bin/python
 test-lowest: $(READY)
 	$(BIN)/pip install --quiet uv
@@ -34,6 +40,7 @@ test-lowest: $(READY)
 	  --editable '.[all]' 'jsonschema>=4.23' 'junitparser>=3.2' 'pytest-html>=4.1' \
 	  'pytest-randomly>=3.16' 'pytest-timeout>=2.3' 'pytest-xdist>=3.6' 'pyyaml>=6.0.2'
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
+	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal -m runs
 
 # Kills the recorder's processes at 200 random moments under traffic, and 40 certifications during
 # their cases, and tries 40 examples of the user's files; SCARASPEC_KILLS sets another number for
@@ -64,12 +71,16 @@ test-browser: $(READY)
 test-viewer: $(READY)
 	$(BIN)/pytest -m viewer conformance/tests/cli
 
+# Tests of the dissector in tshark.
+test-wireshark: $(READY)
+	@command -v tshark >/dev/null || { echo "make $@ needs tshark, which is not installed" >&2; exit 1; }
+	$(BIN)/pytest -m wireshark conformance/tests/dissectors
+
+# Both folders of tests have a module tests.conftest, so that mypy checks them one after the other.
 check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
-	$(BIN)/mypy bench docs spec
-	$(BIN)/mypy conformance/tests
+	$(BIN)/mypy --num-workers 2 conformance recorder/scaraspec_recorder bench docs spec
 	$(BIN)/mypy recorder/tests
 	$(BIN)/lint-imports
 

@@ -1,8 +1,8 @@
 """Forwarding: the cost of the recorder for the link, compared with peers and with a C forwarder.
 
-A peer and the C forwarder take turns in slices of a tenth of a second, so that whatever else the
-machine does meets both. Prints ratios with their spread over the rounds, and what was reached of
-the goals, or the profile that says why; nothing depends on it.
+A peer and the C forwarder run alternately in slices of a tenth of a second, so that other load
+affects both. Prints ratios with their spread over the rounds, and the reached goals, or the profile
+that shows the reason; no test depends on it.
 """
 
 import argparse
@@ -46,7 +46,7 @@ def measure(options: argparse.Namespace) -> None:
 
     Raises:
         RuntimeError: A forwarder does not come up.
-        subprocess.SubprocessError: A program fails; it has said why.
+        subprocess.SubprocessError: A program fails; the output has the reason.
     """
     rest = _reserve_processor()
     with tempfile.TemporaryDirectory(prefix="forwarding-") as name:
@@ -63,7 +63,12 @@ def measure(options: argparse.Namespace) -> None:
 
 def compare(stage: Stage, options: argparse.Namespace) -> None:
     """Compare the recorder with its peers, and print which goals are reached."""
-    others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
+    others = [
+        peers.uvloop_forwarder(),
+        peers.recorder(),
+        peers.recorder("… by kernel time", "--timestamps", "kernel"),
+        peers.recorder("… durable", "--durable"),
+    ]
     if socat := peers.socat():
         others.append(socat)
     else:

@@ -49,7 +49,7 @@ def compile_programs(folder: Path) -> None:
     """Compile the C programs into a folder.
 
     Raises:
-        subprocess.CalledProcessError: The compiler refuses; it has said why.
+        subprocess.CalledProcessError: The compiler refuses; the output has the reason.
     """
     for name in ("load", "bulk", "answer", "forward"):
         flags = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
@@ -85,11 +85,8 @@ def tap(*, taken: bool) -> Peer:
     return Peer(f"tap, records {'taken' if taken else 'dropped'}", command)
 
 
-def recorder(*, kernel_time: bool = False) -> Peer:
+def recorder(name: str = "scaraspec record", *options: str) -> Peer:
     """Return the recorder, which records and decodes in other processes."""
-    name, options = "scaraspec record", ("--timestamps", "user")
-    if kernel_time:
-        name, options = "… by kernel time", ("--timestamps", "kernel")
 
     def command(port: int, target: int, folder: Path) -> list[str]:
         link = (f"tcp://{HOST}:{target}", "--listen", f"{HOST}:{port}")
@@ -115,7 +112,7 @@ def mitmproxy(folder: Path) -> Peer:
     """Install mitmproxy into a folder of its own, and return it as a recorder of TCP.
 
     Raises:
-        subprocess.CalledProcessError: It cannot be installed; pip has said why.
+        subprocess.CalledProcessError: It cannot be installed; the output of pip has the reason.
     """
     venv.create(folder, with_pip=True)
     pip = (str(folder / "bin" / "pip"), "install", "--quiet", "mitmproxy")
@@ -163,7 +160,7 @@ def running(command: list[str], port: int, log: Path) -> Iterator[subprocess.Pop
             process.kill()
 
 
-def set_apart(parent: int, link_module: str, processors: set[int]) -> int:
+def set_processors(parent: int, link_module: str, processors: set[int]) -> int:
     """Move a process and its children onto these processors, but for the one that forwards.
 
     Returns:

@@ -41,7 +41,7 @@ class Samples:
         self.innermost_s: dict[str, float] = defaultdict(float)
         self.inclusive_s: dict[str, float] = defaultdict(float)
         self._clock = clock
-        self._told_s = clock()
+        self._last_s = clock()
 
         @cache
         def place(module: str, function: str) -> str | None:
@@ -53,7 +53,7 @@ class Samples:
 
     def take(self, _signal: int, frame: FrameType | None) -> None:
         """Count all the time since the last sample: a long call into C delays the signals."""
-        passed_s = self._clock() - self._told_s
+        passed_s = self._clock() - self._last_s
         found: dict[str, None] = {}
         while frame:
             here = self._place(frame.f_globals.get("__name__", ""), frame.f_code.co_qualname)
@@ -65,7 +65,7 @@ class Samples:
             self.innermost_s[innermost] += passed_s
             for name in places:
                 self.inclusive_s[name] += passed_s
-        self._told_s = self._clock()
+        self._last_s = self._clock()
 
     def print_table(self, what: str) -> None:
         """Print a table, the largest first."""

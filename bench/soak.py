@@ -136,8 +136,8 @@ def run(folder: Path, exchanges: int, rotate: RotationPolicy) -> None:
         sizes = [path.stat().st_size for path in soak.out.glob(f"*{suffix}")]
         each_bytes = sum(sizes) / exchanges
         day_gb = each_bytes * PER_SECOND * 86_400 / 1e9
-        told = f"{len(sizes)} files, {each_bytes:.0f} bytes an exchange"
-        _say(f"  {suffix:6}{told}, {day_gb:.2f} GB a day")
+        printed = f"{len(sizes)} files, {each_bytes:.0f} bytes an exchange"
+        _say(f"  {suffix:6}{printed}, {day_gb:.2f} GB a day")
     child_bytes = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
     _say(f"  {child_bytes / _MIB:.0f} MiB at most in the process that compacts an .rrd")
     _say(f"  {exchanges / busy_s:.0f} exchanges written per second of its processor")

@@ -94,7 +94,7 @@ class Stage:
         ) as process:
             pid = process.pid
             if peer.link_module:
-                pid = peers.set_apart(pid, peer.link_module, self.rest)
+                pid = peers.set_processors(pid, peer.link_module, self.rest)
             yield Playing(port, folder, pid)
 
     def beside_c(
@@ -112,8 +112,8 @@ class Stage:
         taken: dict[str, list[_T]] = {DIRECT: [], **{peer.name: [] for peer in everyone}}
         for number in range(rounds):
             with self.playing(limiting) as limit:
-                nobody = Playing(self.target, self.folder, None)
-                taken[DIRECT].append(measure(nobody, limit.port))
+                no_peer = Playing(self.target, self.folder, None)
+                taken[DIRECT].append(measure(no_peer, limit.port))
                 first = number % len(everyone)
                 for peer in (*everyone[first:], *everyone[:first]):
                     with self.playing(peer) as playing:
@@ -160,13 +160,13 @@ class Stage:
                 here, limit = self.load(connections, seconds, port, bare)
                 ended_s = time.monotonic()
             drained_s = time.monotonic() - ended_s
-        told = re.findall(r"recorded \+ \d+ in (\d+) gaps", (folder / "log").read_text())
+        gap_counts = re.findall(r"recorded \+ \d+ in (\d+) gaps", (folder / "log").read_text())
         shutil.rmtree(spool_folder(folder))  # it remains if the recording was not finished
         return Sustained(
             here.rate / limit.rate,
             here.exchanges + peers.PROBES,
             _decoded(folder / "capture.mcap"),
-            sum(map(int, told)),
+            sum(map(int, gap_counts)),
             2 * seconds,
             drained_s,
         )

@@ -124,9 +124,9 @@ def over_tcp(folder: Path) -> None:
     ics.write_text(f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n')
     with _virtual_controller(folder, FAST) as url:
         granted = ("--ics", str(ics), "--patience", f"{PATIENCE_S}")
-        asked = (url, *EVERYTHING, *EVERY_CASE, *granted, "--out", str(folder / "fast"))
+        options = (url, *EVERYTHING, *EVERY_CASE, *granted, "--out", str(folder / "fast"))
         _say(f"a controller whose seconds are {FAST} times as short:")
-        _certify("controller", *asked)
+        _certify("controller", *options)
 
 
 def by_driver(folder: Path) -> None:
@@ -151,9 +151,9 @@ def profile_over_tcp(folder: Path) -> None:
         redirect_stdout(io.StringIO()),
         sampling.sampled(WAITS, "wall") as samples,
     ):
-        asked = [url, *EVERYTHING, *EVERY_CASE, *_SOON, "--out", str(folder / "profiled")]
+        options = [url, *EVERYTHING, *EVERY_CASE, *_SOON, "--out", str(folder / "profiled")]
         try:
-            certify.controller.command.main(asked, standalone_mode=False)
+            certify.controller.command.main(options, standalone_mode=False)
         except SystemExit as ended:
             status = ended.code
     busy_s = time.process_time() - begun_s
@@ -178,12 +178,12 @@ def _certify(*arguments: str) -> None:
     begun_s = time.perf_counter()
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     lasted_s = time.perf_counter() - begun_s
-    told = re.search(r"\d+ of \d+ requirements in scope judged", done.stdout)
+    printed = re.search(r"\d+ of \d+ requirements in scope judged", done.stdout)
     depth = " --exhaustive" if EVERY_CASE[0] in arguments else ""
     _say(
         f"certify {arguments[0]}{depth}, recorded: {lasted_s:.1f} s, "
         f"exit status {done.returncode}, "
-        f"{told.group() if told else done.stderr}"
+        f"{printed.group() if printed else done.stderr}"
     )
 
 

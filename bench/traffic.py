@@ -59,9 +59,9 @@ def poll(start_ns: int, exchanges: int, per_second: int) -> Iterator[Sent]:
         time_ns = start_ns + number * SECOND_NS // per_second
         if number > _MOVE_EVERY and number % _MOVE_EVERY == _MOVE_LASTS:
             yield Sent(time_ns, C2A, _done(BY_NAME["set_tool_coordinates"]))
-        name, asked, answer = _question(number)
+        name, value, answer = _question(number)
         command = BY_NAME[name]
-        yield Sent(time_ns, A2C, _frame(command, A2C, command.request.encode(asked)))
+        yield Sent(time_ns, A2C, _frame(command, A2C, command.request.encode(value)))
         yield Sent(time_ns + _REPLY_NS, C2A, _frame(command, C2A, command.reply.encode(answer)))
 
 

@@ -1,5 +1,5 @@
 """`python -m scaraspec` is the command `scaraspec`."""
 
-from scaraspec.cli.main import main
+from scaraspec.cli import main
 
 main()

@@ -1,18 +1,31 @@
-"""What every test of the tool shares: how hypothesis behaves, and where the data is."""
+"""Settings of hypothesis, and fixtures for all tests of the suite."""
 
 import gc
+from itertools import count
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from hypothesis import settings
 
-# A failure prints the blob that replays it; examples are drawn the same way on every machine.
+# A failure prints the blob that reproduces it; examples are the same on every computer.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
 
+_numbers = count()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mix the modules, so that the workers do not all wait for processes at the same time.
+
+    Each worker begins with a contiguous part of the tests.
+    """
+    if hasattr(config, "workerinput"):
+        items.sort(key=lambda item: crc32(item.nodeid.partition("::")[0].encode()))
+
 
 def pytest_collection_finish() -> None:
-    """Exempt the collected tests from garbage collection, which would visit them all each time."""
+    """Exclude the collected tests from garbage collection, which would examine them each time."""
     gc.freeze()
 
 
@@ -23,6 +36,17 @@ def fixtures_dir() -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _state_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep the journals of a test out of the user's state directory and of other tests."""
-    monkeypatch.setenv("SCARASPEC_STATE", str(tmp_path / "state"))
+def _state_directory(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Keep the journals of a test out of the user's state directory and of other tests.
+
+    Most tests need no folder; pytest makes one more slowly the more there are.
+    """
+    if "tmp_path" in request.fixturenames:
+        folder: Path = request.getfixturevalue("tmp_path")
+    else:
+        folder = tmp_path_factory.getbasetemp() / f"{next(_numbers)}"
+    monkeypatch.setenv("SCARASPEC_STATE", str(folder / "state"))

@@ -1,10 +1,13 @@
 """Paths and commands in the documentation exist."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 from wording import ROOT
+
+from scaraspec.suite.engine.ics_check import problems_of
 
 PAGES = ("docs/architecture.md", "CONTRIBUTING.md", "SECURITY.md", "README.md", "spec/README.md")
 _PATH = re.compile(r"`((?:recorder: )?[\w./*<>-]+(?:\.py|\.toml|\.jsonl|/))`")
@@ -35,6 +38,20 @@ def test_links(page: Path) -> None:
     """Each relative link leads to a file."""
     links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize(
+    "page", sorted({*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")}), ids=lambda page: page.name
+)
+def test_toml(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each TOML block is valid; `scaraspec ics check` accepts each ICS."""
+    for program in ("ssh", "io-box"):  # hooks
+        (tmp_path / program).touch(mode=0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}")
+    for block in re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        document = tomllib.loads(block)
+        if document.keys() & {"subject", "sample", "hooks"}:
+            assert problems_of(document) == []
 
 
 def test_make_targets() -> None:

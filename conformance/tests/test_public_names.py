@@ -1,4 +1,4 @@
-"""Public names stay: `public_names.json` and the published kill matrices list them.
+"""Public names do not change: `public_names.json` and the published kill matrices list them.
 
 A name may be added. To remove or rename one, keep an alias for one release and add a line to
 CHANGELOG.md.

@@ -8,7 +8,7 @@ from scaraspec.user_message import UserMessage
 
 
 def test_a_message_keeps_template_and_values() -> None:
-    """It is the formatted sentence, and knows what it was made of."""
+    """A message is the formatted sentence, with its template and values as attributes."""
     message = UserMessage("{name} took {time_s:.1f} s", name="jog", time_s=1.25)
     assert message == "jog took 1.2 s"
     assert message.template == "{name} took {time_s:.1f} s"
@@ -23,7 +23,7 @@ def test_a_message_can_be_sent_to_another_process() -> None:
 
 
 def test_a_joined_message_keeps_both_templates() -> None:
-    """A message or a constant sentence, then a further template with its own values."""
+    """A message or a constant sentence, and a further template with its own values."""
     joined = UserMessage.joined(UserMessage("{time_s:.1f} s", time_s=1.25), " ({times})", times=3)
     assert joined == "1.2 s (3)"
     assert joined.template == "{time_s:.1f} s ({times})"
@@ -33,6 +33,6 @@ def test_a_joined_message_keeps_both_templates() -> None:
 
 
 def test_a_missing_value_is_an_error() -> None:
-    """A template that names a value must get it."""
+    """Each field of a template must have a value."""
     with pytest.raises(KeyError, match="name"):
         UserMessage("{name}")

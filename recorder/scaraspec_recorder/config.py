@@ -5,12 +5,16 @@ keys of a TOML table are the options of ``scaraspec record``.
 """
 
 import difflib
+import os
 import re
+import reprlib
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
+from types import UnionType
 from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -21,13 +25,14 @@ from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.recovery import sink_after_repair
 from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
+from scaraspec_recorder.recordings.trigger_command import parse_command
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.file_names import safe_name
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml
-from scaraspec_recorder.units import Limits, parse_limits, parse_size
+from scaraspec_recorder.units import Limits, parse_duration, parse_limits, parse_size
 
 DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
@@ -63,7 +68,7 @@ class RobotConfig:
     Attributes:
         name: The robot's name, part of the file names.
         url: URL of the controller.
-        listen: Address that clients connect to.
+        listen: Addresses that clients connect to.
         out: Output folder.
         mode: How client connections reach the recorder.
         redact: Whether to mask passwords in the raw bytes, too.
@@ -71,15 +76,19 @@ class RobotConfig:
         keep: Limits of age and total size; None keeps all recordings.
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         triggers: Conditions that write a mark into the recording.
+        on_trigger: Command to run when a trigger fires; empty for none.
+        protect_ns: How long before and after a mark recordings are protected from `keep`.
         injection: Faults to inject; None for none.
         i_mean_it: Whether injected faults may affect clients on other machines.
         timestamps: Source of the reception timestamps.
         file_mode: Access rights of the files.
+        no_rrd: Whether to write no .rrd files.
+        durable: Whether a power failure costs a second at most.
     """
 
     name: str
     url: str
-    listen: str = DEFAULT_LISTEN[Mode.EXPLICIT]
+    listen: tuple[str, ...] = (DEFAULT_LISTEN[Mode.EXPLICIT],)
     out: Path = DEFAULT_OUT
     mode: Mode = Mode.EXPLICIT
     redact: bool = False
@@ -87,10 +96,14 @@ class RobotConfig:
     keep: Limits | None = None
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
+    on_trigger: tuple[str, ...] = ()
+    protect_ns: int = 0
     injection: Injection | None = None
     i_mean_it: bool = False
     timestamps: TimestampSource = TimestampSource.USER
     file_mode: int = PRIVATE_MODE
+    no_rrd: bool = False
+    durable: bool = False
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
@@ -100,9 +113,10 @@ class RobotConfig:
 
         Args:
             session: Metadata of the session, such as the addresses.
-            draw: Whether to write .rrd files too.
+            draw: Whether .rrd files can be written.
             needs_login: False for a serial link (L83).
         """
+        draw = draw and not self.no_rrd
         if not (self.rotate or self.keep or self.min_free_bytes):
             make = partial(
                 capture_sink,
@@ -111,6 +125,8 @@ class RobotConfig:
                 draw=draw,
                 redact=self.redact,
                 triggers=self.triggers,
+                on_trigger=self.on_trigger,
+                robot=self.name,
             )
             return partial(sink_after_repair, make=make)
         archive = Archive(
@@ -123,6 +139,8 @@ class RobotConfig:
             keep=self.keep or Limits(),
             min_free_bytes=self.min_free_bytes,
             triggers=self.triggers,
+            on_trigger=self.on_trigger,
+            protect_ns=self.protect_ns,
         )
         return partial(archive_sink, archive=archive)
 
@@ -153,10 +171,10 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
         if not isinstance(value, kind):
             raise ConfigError(
                 UserMessage(
-                    "{prefix}{key}: {value!r} is not {kinds}",
+                    "{prefix}{key}: {value} is not {kinds}",
                     prefix=prefix,
                     key=key,
-                    value=value,
+                    value=reprlib.repr(value),
                     kinds=_KINDS[kind],
                 )
             )
@@ -173,13 +191,55 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
                 prefix=prefix,
             )
         )
-    values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
+    values.setdefault("listen", (DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)],))
     robot = RobotConfig(name, **values)
+    _check_names(robot, prefix)
+    _check_effects(robot, prefix)
+    return robot
+
+
+def _check_names(robot: RobotConfig, prefix: str) -> None:
+    """Check that the system can encode the names of the files.
+
+    Raises:
+        ConfigError: It cannot.
+    """
+    for text in (robot.name, str(robot.out)):
+        try:
+            os.fsencode(text)
+        except UnicodeEncodeError:
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}out: {text} cannot be used in file names, whose encoding is {encoding}"
+                    " here: use other letters, or a UTF-8 locale",
+                    prefix=prefix,
+                    text=text,
+                    encoding=sys.getfilesystemencoding(),
+                )
+            ) from None
+
+
+def _check_effects(robot: RobotConfig, prefix: str) -> None:
+    """Check that each setting has an effect.
+
+    Raises:
+        ConfigError: A setting needs another one.
+    """
+    if robot.durable and sys.platform == "win32":
+        raise ConfigError(UserMessage("{prefix}durable needs a POSIX system", prefix=prefix))
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
             UserMessage("{prefix}i-mean-it has no effect without inject: remove it", prefix=prefix)
         )
-    return robot
+    for key, used in (("on-trigger", robot.on_trigger), ("protect", robot.protect_ns)):
+        if used and not robot.triggers:
+            raise ConfigError(
+                UserMessage("{prefix}{key} has no effect without trigger", prefix=prefix, key=key)
+            )
+    if robot.protect_ns and not (robot.keep or robot.min_free_bytes):
+        raise ConfigError(
+            UserMessage("{prefix}protect has no effect without keep or min-free", prefix=prefix)
+        )
 
 
 def read_config(path: Path) -> tuple[RobotConfig, ...]:
@@ -213,19 +273,20 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
     for key in ("listen", "out"):
         taken: dict[object, str] = {}
         for robot in robots:
-            value = getattr(robot, key)
-            other = taken.setdefault(value, robot.name)
-            if other != robot.name:
-                raise ConfigError(
-                    UserMessage(
-                        "{path}: {robot} and {other} have the same {key}, {value}: change one",
-                        path=path,
-                        robot=robot.name,
-                        other=other,
-                        key=key,
-                        value=value,
+            used = getattr(robot, key)
+            for value in used if isinstance(used, tuple) else (used,):
+                other = taken.setdefault(value, robot.name)
+                if other != robot.name:
+                    raise ConfigError(
+                        UserMessage(
+                            "{path}: {robot} and {other} have the same {key}, {value}: change one",
+                            path=path,
+                            robot=robot.name,
+                            other=other,
+                            key=key,
+                            value=value,
+                        )
                     )
-                )
     return robots
 
 
@@ -276,16 +337,31 @@ def _file_mode(text: str) -> int:
     return int(text, 8)
 
 
+def _listen(value: str | list[object]) -> tuple[str, ...]:
+    texts = [value] if isinstance(value, str) else _strings(value)
+    if not texts:
+        raise ValueError("there must be an address")
+    return tuple(dict.fromkeys(texts))
+
+
+def _strings(values: Iterable[object]) -> list[str]:
+    texts = []
+    for value in values:
+        if not isinstance(value, str):
+            raise ValueError(f"{value!r} is not a string")  # noqa: TRY004 - invalid in the file, not in code
+        texts.append(value)
+    return texts
+
+
 def _injection(text: str) -> Injection:
     return load_injection(Path(text))
 
 
 def _triggers(texts: Iterable[object]) -> tuple[str, ...]:
-    for text in texts:
-        if not isinstance(text, str):
-            raise ValueError(f"{text!r} is not a string")  # noqa: TRY004 - invalid in the file, not in code
+    conditions = _strings(texts)
+    for text in conditions:
         parse_trigger(text)
-    return tuple(dict.fromkeys(str(text) for text in texts))
+    return tuple(dict.fromkeys(conditions))
 
 
 def _suggestion(key: str, known_keys: Iterable[str]) -> str:
@@ -294,9 +370,10 @@ def _suggestion(key: str, known_keys: Iterable[str]) -> str:
 
 
 _Read = Callable[[Any], Any]
-_KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
+_ONE_OR_MORE: Final = str | list
+_KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "url": (str, "url", str),
-    "listen": (str, "listen", str),
+    "listen": (_ONE_OR_MORE, "listen", _listen),
     "out": (str, "out", Path),
     "mode": (str, "mode", _mode),
     "redact": (bool, "redact", bool),
@@ -304,13 +381,22 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "keep": (str, "keep", parse_limits),
     "min-free": (str, "min_free_bytes", parse_size),
     "trigger": (list, "triggers", _triggers),
+    "on-trigger": (str, "on_trigger", parse_command),
+    "protect": (str, "protect_ns", parse_duration),
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),
     "timestamps": (str, "timestamps", _timestamp_source),
     "file-mode": (str, "file_mode", _file_mode),
+    "no-rrd": (bool, "no_rrd", bool),
+    "durable": (bool, "durable", bool),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 
 _PER_ROBOT_ONLY: Final = ("url", "listen", "inject", "i-mean-it")
 _SHARED_KEYS: Final = tuple(key for key in _KEYS if key not in _PER_ROBOT_ONLY)
-_KINDS: Final = {str: "a string", bool: "true or false", list: "a list of strings"}
+_KINDS: Final[dict[type | UnionType, str]] = {
+    str: "a string",
+    bool: "true or false",
+    list: "a list of strings",
+    _ONE_OR_MORE: "a string or a list of strings",
+}

@@ -5,9 +5,11 @@ writes, and the spool is the only connection between them.
 """
 
 import asyncio
+import errno
 import shutil
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager, suppress
+import socket
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -20,9 +22,10 @@ from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, prepare_folder
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.sinks.sink_runner import Progress, count_unwritten
 from scaraspec_recorder.spool import mark_requests
+from scaraspec_recorder.spool.durability import SYNC_S, SpoolSync
 from scaraspec_recorder.spool.locks import locked_spool
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
-from scaraspec_recorder.tap import tap
+from scaraspec_recorder.tap import tap, tcp
 from scaraspec_recorder.tap.routes import Route
 
 DRAIN_S: Final = 60.0
@@ -31,6 +34,7 @@ DRAIN_S: Final = 60.0
 _END_FAILURES: Final = 2
 """Failures of the writer process after which a recording that ends leaves the rest in the spool."""
 
+_NO_SUCH_ADDRESS: Final = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 _POLL_S: Final = 0.25
 _TAP_STOP_S: Final = tap.STOP_S + 3.0
 
@@ -39,7 +43,7 @@ class Recording:
     """A running or finished recording, created by `record`.
 
     Attributes:
-        address: Host and port that the tap listens on.
+        addresses: Hosts and ports that the tap listens on.
         spool: Folder of the spool.
         tap: The process that forwards.
         writer: The process that writes.
@@ -47,15 +51,24 @@ class Recording:
     """
 
     def __init__(
-        self, address: tuple[str, int], spool: Path, tap: ChildProcess, writer: ChildProcess
+        self,
+        addresses: Sequence[tuple[str, int]],
+        spool: Path,
+        tap: ChildProcess,
+        writer: ChildProcess,
     ) -> None:
-        self.address = address
+        self.addresses = tuple(addresses)
         self.spool = spool
         self.tap = tap
         self.writer = writer
         self.drain_s = DRAIN_S
         self._progress = Progress()
         self._ended = False
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """The first of the addresses."""
+        return self.addresses[0]
 
     @property
     def progress(self) -> Progress:
@@ -97,10 +110,46 @@ class Recording:
         return stall_of(read_checkpoint(self.spool))
 
 
+@contextmanager
+def _listening(route: Route, listen: Sequence[tuple[str, int]]) -> Iterator[list[socket.socket]]:
+    """Open the listening sockets. A host such as localhost has several addresses.
+
+    Raises:
+        OSError: An address cannot be used. An address of a host is skipped if the system does not
+            have its kind and the host has another one.
+    """
+    with ExitStack() as stack:
+        listeners: list[socket.socket] = []
+        for host, port in listen:
+            first = len(listeners)
+            missing: OSError | None = None
+            for each in tcp.listening_hosts(host):
+                try:
+                    sock = stack.enter_context(route.listen(each, port))
+                except OSError as error:
+                    if error.errno not in _NO_SUCH_ADDRESS:
+                        raise
+                    missing = error
+                else:
+                    listeners.append(sock)
+                    port = sock.getsockname()[1]  # noqa: PLW2901 - the same for all addresses
+            if missing and first == len(listeners):
+                raise missing
+        yield listeners
+
+
+async def _sync(spool: Path) -> None:
+    """Write the spool through to the device until cancelled."""
+    spool_sync = SpoolSync(spool)
+    while True:
+        await asyncio.to_thread(spool_sync.sync)
+        await asyncio.sleep(SYNC_S)
+
+
 @asynccontextmanager
 async def record(  # noqa: PLR0913 - independent options
     route: Route,
-    listen: tuple[str, int],
+    listen: Sequence[tuple[str, int]],
     out_dir: Path,
     sinks: Sequence[SinkFactory],
     *,
@@ -108,6 +157,7 @@ async def record(  # noqa: PLR0913 - independent options
     injection: Injection | None = None,
     kernel_time: bool = False,
     file_mode: int = PRIVATE_MODE,
+    durable: bool = False,
 ) -> AsyncIterator[Recording]:
     """Relay and record connections while the context is active.
 
@@ -117,26 +167,31 @@ async def record(  # noqa: PLR0913 - independent options
 
     Args:
         route: Target of the connections; `routes.Upstream` for one controller.
-        listen: Host and port to listen on; for port 0, the system chooses one.
+        listen: Hosts and ports to listen on; for port 0, the system chooses one.
         out_dir: Output folder of the sinks; created if missing.
         sinks: Factories of the sinks.
         limit_bytes: Maximum size of the spool. Beyond it, traffic is forwarded but not recorded.
         injection: Faults to inject; None to forward everything unchanged.
         kernel_time: Whether to use kernel timestamps; otherwise the time of the read call.
         file_mode: Access rights of the files; the folder can be searched by all who can read them.
+        durable: Whether a power failure costs a second at most. The spool is then on the disk.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
     prepare_folder(out_dir, file_mode)
-    with route.listen(*listen) as listener, locked_spool(out_dir, limit_bytes) as spool:
-        writer_arguments = (spool, out_dir, tuple(sinks), file_mode)
+    with (
+        _listening(route, listen) as listeners,
+        locked_spool(out_dir, limit_bytes, durable=durable) as spool,
+    ):
+        writer_arguments = (spool, out_dir, tuple(sinks), file_mode, durable)
         writer = ChildProcess("writer", sink_runner.run_writer, *writer_arguments)
         connect = partial(InjectedConnection, injection) if injection else None
-        tap_arguments = (listener, route, spool, limit_bytes, connect, kernel_time)
+        tap_arguments = (listeners, route, spool, limit_bytes, connect, kernel_time)
         tap_child = ChildProcess("tap", tap.run, *tap_arguments, writer.control_socket)
-        host, port = listener.getsockname()[:2]
-        recording = Recording((host, port), spool, tap_child, writer)
+        addresses = [listener.getsockname()[:2] for listener in listeners]
+        recording = Recording(addresses, spool, tap_child, writer)
+        syncing = asyncio.create_task(_sync(spool)) if durable else None
         try:
             writer.start()
             tap_child.start()
@@ -148,7 +203,10 @@ async def record(  # noqa: PLR0913 - independent options
                 recording.drain_s = 0.0
                 raise
             finally:  # always stop the writer process
-                listener.close()
+                for listener in listeners:
+                    listener.close()
                 await recording.stop_writer()
+                if syncing:
+                    syncing.cancel()
             if recording.progress.finished:
                 shutil.rmtree(spool)

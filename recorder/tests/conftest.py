@@ -1,4 +1,4 @@
-"""What every test of the recorder shares: how hypothesis behaves, and a conversation to record."""
+"""Settings of hypothesis, and fixtures for all tests of the recorder: traffic to record."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
-# A failure prints the blob that replays it; examples are drawn the same way on every machine.
+# A failure prints the blob that reproduces it; examples are the same on every computer.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
 
@@ -29,7 +29,7 @@ _SILENT = object()
 
 
 class Talk:
-    """A conversation written down as wire events, each frame in an event of its own."""
+    """A conversation as wire events, with one frame per event."""
 
     def __init__(self, connection: str = "1") -> None:
         self.connection = connection
@@ -68,7 +68,7 @@ class Talk:
         self.send(C2A, frame.encode())
 
     def poll(self, joints: JointValues, status: str) -> None:
-        """Ask for all that is drawn."""
+        """Query everything that is drawn."""
         inner = math.radians(joints.inner_arm)
         outer = inner + math.radians(joints.outer_arm)
         x = 200 * (math.cos(inner) + math.cos(outer))
@@ -94,13 +94,13 @@ class Talk:
 
 @pytest.fixture
 def talk() -> Talk:
-    """A conversation to write."""
+    """An empty conversation."""
     return Talk()
 
 
 @pytest.fixture(scope="session")
 def new_talk() -> Callable[[], Talk]:
-    """Conversations for tests that hypothesis calls again and again."""
+    """The class of conversations, for tests that hypothesis calls repeatedly."""
     return Talk
 
 
@@ -113,7 +113,8 @@ def program_file() -> bytes:
 
 @pytest.fixture(scope="session")
 def shift(program_file: bytes) -> list[WireEvent]:
-    """A short shift with everything in it: transfer, program run, refusal, e-stop, noise, a gap."""
+    """A short session with a transfer, a program run, a refusal, an emergency stop, invalid bytes
+    and a gap."""
     talk = Talk()
     talk.mark(A2C, Kind.OPENED, "192.168.1.20:51234 to 192.168.1.2:8877")
     talk.ask("login", PASSWORD, reply=True)
@@ -140,7 +141,7 @@ def shift(program_file: bytes) -> list[WireEvent]:
 
 @pytest.fixture(scope="session")
 def passed(shift: list[WireEvent]) -> list[WireEvent]:
-    """The same shift, as a recorder sees it that needs 20 µs to pass on, and asks the system."""
+    """The same events with kernel timestamps and a forwarding time 20 µs later."""
     facts = {field.name for field in fields(WireEvent)}
     return [
         ForwardedChunk(
@@ -166,5 +167,6 @@ def _damage_chunk(path: Path, number: int) -> None:
 
 @pytest.fixture(scope="session")
 def damage_chunk() -> Callable[[Path, int], None]:
-    """Flips bits in the chunk of that number in a finished MCAP file."""
+    """Return a function that flips bits in the chunk with a given number in a finished MCAP
+    file."""
     return _damage_chunk

@@ -21,7 +21,7 @@ def test_the_sample_file() -> None:
     third, fourth = read_config(SAMPLE)
     assert (third.name, third.listen, third.out) == (
         "line-3",
-        "0.0.0.0:8877",
+        ("0.0.0.0:8877",),
         Path("captures/line-3"),
     )
     assert third.rotate
@@ -62,7 +62,7 @@ def test_a_trigger_needs_no_archive() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "says"),
+    ("table", "message"),
     [
         ({}, "--url is missing"),
         ({"url": 5}, "--url: 5 is not a string"),
@@ -83,11 +83,11 @@ def test_a_trigger_needs_no_archive() -> None:
         ({"url": URL, "i-mean-it": True}, "--i-mean-it has no effect without inject"),
     ],
 )
-def test_an_invalid_setting(table: dict[str, Any], says: str) -> None:
+def test_an_invalid_setting(table: dict[str, Any], message: str) -> None:
     """The message is one sentence: the setting, the error, and mostly the valid values."""
     with pytest.raises(ConfigError) as error:
         read_robot("r", table, "--")
-    assert str(error.value).startswith(says)
+    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
 
@@ -95,7 +95,7 @@ ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("", "must configure 1 to 256 robots"),
         ("robots = 1", "must configure 1 to 256 robots"),
@@ -104,6 +104,8 @@ ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
         ("\ud800", "is not a valid TOML file"),
         ('url = "x"\n' + ONE, "url is not a setting for all robots"),
         (ONE + "kep = 1", "robots.a.kep is not a setting: did you mean keep?"),
+        (ONE + f"out{'.a' * 2000}=1", "robots.a.out: {'a': {'a': {'a': {'a': "),
+        ("out = " + "[" * 5000 + "\n" + ONE, "is not a valid TOML file: maximum recursion depth"),
         ("out = 5\n" + ONE, "robots.a.out: 5 is not a string"),
         ('[robots."a/b"]\nurl="x"', "'a/b' cannot be used in file names"),
         (ONE + ONE.replace("a]", "b]"), "b and a have the same listen, 127.0.0.1:8877"),
@@ -113,14 +115,14 @@ ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
         ),
     ],
 )
-def test_an_invalid_file(tmp_path: Path, text: str, says: str) -> None:
+def test_an_invalid_file(tmp_path: Path, text: str, message: str) -> None:
     """The message is one sentence with the file and the position."""
     path = tmp_path / "recorders.toml"
     path.write_bytes(text.encode(errors="surrogatepass"))
     with pytest.raises(ConfigError) as error:
         read_config(path)
     assert str(error.value).startswith(str(path))
-    assert says in str(error.value)
+    assert message in str(error.value)
 
 
 def test_an_unreadable_file(tmp_path: Path) -> None:

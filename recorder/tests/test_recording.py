@@ -59,7 +59,7 @@ async def echo() -> AsyncIterator[Upstream]:
 @asynccontextmanager
 async def session(out_dir: Path, sink: SinkFactory) -> AsyncIterator[Recording]:
     """Record the connections to an echo server."""
-    async with echo() as route, record(route, ("127.0.0.1", 0), out_dir, [sink]) as recording:
+    async with echo() as route, record(route, [("127.0.0.1", 0)], out_dir, [sink]) as recording:
         yield recording
 
 
@@ -92,7 +92,7 @@ class Client:
         assert await self._reader.read() == b""
 
     async def wait_for_reset(self) -> None:
-        """Wait wait_until the connection is reset."""
+        """Wait until the connection is reset."""
         with suppress(ConnectionError):
             assert await self._reader.read() == b""
 
@@ -157,7 +157,7 @@ def test_a_session_is_recorded_completely(tmp_path: Path) -> None:
 
 
 def test_open_connections_end_with_the_recording(tmp_path: Path) -> None:
-    """The note names the recorder, not a side of the link."""
+    """The note states that the recorder ended them, not a side of the link."""
 
     async def test() -> None:
         async with session(tmp_path, journal.Journal) as recording:
@@ -273,7 +273,7 @@ def test_an_unfinished_writer_leaves_its_spool_to_the_next(tmp_path: Path) -> No
 
     async def test() -> None:
         async with echo() as upstream:
-            listen = ("127.0.0.1", 0)
+            listen = [("127.0.0.1", 0)]
             async with (
                 record(upstream, listen, tmp_path, [journal.Trouble]) as recording,
                 Client(recording.address) as client,
@@ -296,7 +296,7 @@ def test_a_folder_has_one_recorder(tmp_path: Path) -> None:
     """A second recorder gets an error of one sentence."""
 
     async def test() -> None:
-        route, listen = Upstream("127.0.0.1", 1), ("127.0.0.1", 0)
+        route, listen = Upstream("127.0.0.1", 1), [("127.0.0.1", 0)]
         async with record(route, listen, tmp_path, [journal.Journal]):
             with pytest.raises(BlockingIOError, match="another recorder writes into"):
                 async with record(route, listen, tmp_path, [journal.Journal]):
@@ -309,7 +309,7 @@ def test_an_address_in_use(tmp_path: Path) -> None:
     """The error is raised before any process is started."""
 
     async def start(address: tuple[str, int]) -> None:
-        async with record(Upstream("127.0.0.1", 1), address, tmp_path, [journal.Journal]):
+        async with record(Upstream("127.0.0.1", 1), [address], tmp_path, [journal.Journal]):
             pytest.fail("two listen on one address")
 
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError, match="in use"):
@@ -322,7 +322,7 @@ def test_a_sink_that_cannot_be_pickled(tmp_path: Path) -> None:
 
     async def start() -> None:
         sinks: list[Any] = [lambda _folder: None]
-        async with record(Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, sinks):
+        async with record(Upstream("127.0.0.1", 1), [("127.0.0.1", 0)], tmp_path, sinks):
             pytest.fail("a local function cannot be pickled")
 
     with pytest.raises((AttributeError, pickle.PicklingError)):
@@ -363,7 +363,7 @@ async def main():
     claims._has_room = lambda _: False
     route = Upstream("127.0.0.1", int(sys.argv[2]))
     out_dir = pathlib.Path(sys.argv[3])
-    async with recording.record(route, ("127.0.0.1", 0), out_dir, [journal.Journal]) as made:
+    async with recording.record(route, [("127.0.0.1", 0)], out_dir, [journal.Journal]) as made:
         while not (made.tap.pid and made.writer.pid):
             await asyncio.sleep(0)
         print(made.address[1], made.tap.pid, made.writer.pid, flush=True)
@@ -415,7 +415,7 @@ def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path) -> None:
 
     async def test() -> None:
         async with record(
-            Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, [journal.Journal]
+            Upstream("127.0.0.1", 1), [("127.0.0.1", 0)], tmp_path, [journal.Journal]
         ) as recording:
             await wait_until(lambda: recording.tap.pid and recording.writer.pid)
             assert len({os.getpid(), recording.tap.pid, recording.writer.pid}) == 3

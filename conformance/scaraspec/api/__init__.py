@@ -1,6 +1,6 @@
 """The Python interface: what the command line can do, as documented and typed functions.
 
-    from scaraspec.api import audit, certify, compare, gate, prove, record, replay, verify_package
+    from scaraspec.api import audit, certify, compare, gate, open_capture, prove, record, replay
 
 `certify` is a module with the functions `controller` and `client`; the others are functions. This
 package composes all others. Nothing in it prints, reads the command line or handles signals.
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scaraspec.api import certify
     from scaraspec.api.auditing import audit
+    from scaraspec.api.captures import open_capture
     from scaraspec.api.certificates import certification, verify_package, write_certificate
     from scaraspec.api.proving import prove, prove_dialects
     from scaraspec.api.recording import record
@@ -53,6 +54,7 @@ __all__ = [
     "gate",
     "merge",
     "new_ics",
+    "open_capture",
     "prove",
     "prove_dialects",
     "read_waivers",
@@ -85,6 +87,7 @@ _MODULES = {
     "gate": "scaraspec.api.results",
     "merge": "scaraspec.api.results",
     "new_ics": "scaraspec.api.statements",
+    "open_capture": "scaraspec.api.captures",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",
     "read_waivers": "scaraspec.api.results",

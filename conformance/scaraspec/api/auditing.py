@@ -1,6 +1,7 @@
 """Audit: judges a capture file and returns the results."""
 
-from collections.abc import Callable, Iterator, Mapping
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -20,34 +21,40 @@ from scaraspec.suite.engine.unsupported_claims import (
     wrong_claims,
 )
 from scaraspec.traffic.events import Ending, Exchange, TrafficEvent
+from scaraspec.traffic.selection import EVERYTHING as ALL_TRAFFIC
+from scaraspec.traffic.selection import Selection
 from scaraspec.traffic.wire import UNJUDGED, Kind, WireEvent
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, MASKED, PASSWORDS, SUBJECT
 from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
+from scaraspec_recorder.sources.joined import JoinedCapture
 
 _EVENTS_PER_UPDATE: Final = 1000
+_INTERRUPTED: Final = "Interrupted: the rest of the capture was not judged."
 _ON_PASSWORDS: Final = frozenset({"4.1/2", "4.1/3", "4.2/3"})
 """Requirements that masked passwords make undecidable."""
 _OTHER_SIDE: Final = {Role.CONTROLLER: "client", Role.CLIENT: "controller"}
 
 
 def audit(  # noqa: PLR0913 - independent options of an audit
-    file: Path,
+    file: Path | Sequence[Path],
     *,
     subject: Role | None = None,
     ics: Ics | None = None,
     readings: Mapping[str, str] | None = None,
     port: int | None = None,
     serial: bool = False,
+    only: frozenset[str] | None = None,
+    selection: Selection = ALL_TRAFFIC,
     reproduction: str = "",
-    progress: Callable[[int], None] = lambda _count: None,
+    progress: Callable[[int, int], None] = lambda _read, _size: None,
 ) -> tuple[Results, tuple[str, ...]]:
     """Judge a capture: an MCAP recording, or a pcap or pcapng of any client and controller.
 
     Args:
-        file: The capture.
+        file: The capture, or the files of one recording in the order of time, see `recordings`.
         subject: The side that is judged; `Role.CAPTURE` for both sides. Findings about the other
             side are only counted. None for the subject of the certification that wrote the
             capture, or both sides of any other capture.
@@ -57,12 +64,18 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         port: The controller's TCP port in packet captures; None for all connections of this
             protocol.
         serial: Whether the link was serial (L83), even if neither the file nor the ICS states it.
+        only: The requirements that are judged; None for all.
+        selection: The traffic that is judged. The other traffic is read, too, because it changes
+            the state of the robot.
         reproduction: The command that repeats the audit, for the report.
-        progress: Called from time to time with the number of events judged so far.
+        progress: Called from time to time with the bytes read so far and the size of the files.
 
     Returns:
         The results, and one sentence for each defect of the file. If the file is not whole, the
         results are inconclusive at best.
+
+    KeyboardInterrupt (Ctrl-C) ends the reading; the results are then those of the part that was
+    read, and inconclusive without a failure.
 
     Raises:
         CaptureError: The file cannot be read, holds several recordings, or its description of the
@@ -70,42 +83,52 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         ReadingError: A reading does not exist.
         UrlError: The URL in the ICS is invalid.
     """
-    capture = open_capture(file, port=port)
-    tested, claimed = _subject_of(capture)
+    files = (file,) if isinstance(file, Path) else tuple(file)
+    captures = [open_capture(each, port=port) for each in files]
+    size_bytes = sum(each.stat().st_size for each in files)
+    capture = _joined(captures)
+    tested, claimed = subject_of(capture)
     subject, ics = subject or tested, (ics or claimed).with_claims(**(readings or {}))
-    serial = serial or not capture.needs_login or bool(ics.url and not _is_tcp(ics.url))
+    serial = serial or not capture.needs_login or bool(ics.url and not parse(ics.url).needs_login)
     side = None if subject is Role.CAPTURE else sending_direction(subject)
-    scope = ics.scope(side)
+    scope = replace(ics.scope(side), only=only, selection=selection)
     if capture.session.get(PASSWORDS) == MASKED:
         scope = replace(scope, undecidable=scope.undecidable | _ON_PASSWORDS)
     judge = Judge(ics.dialect, needs_login=not serial, scope=scope)
-    replay = reproduction or f"scaraspec audit {file}"
+    replay = reproduction or shlex.join(["scaraspec", "audit", *map(str, files)])
     listener = _Listener(judge, ics)
-    for number, event in enumerate(capture):
-        if subject is Role.CAPTURE or listener.is_judged(event):
-            listener.take(judge.feed(event))
-        if number % _EVENTS_PER_UPDATE == 0:
-            progress(number)
-    listener.take(judge.close())
+    interrupted = False
+    try:
+        for number, event in enumerate(capture):
+            if subject is Role.CAPTURE or listener.is_judged(event):
+                listener.take(judge.feed(event))
+            if number % _EVENTS_PER_UPDATE == 0:
+                progress(sum(each.summary.read_bytes for each in captures), size_bytes)
+        listener.take(judge.close())
+    except KeyboardInterrupt:
+        interrupted = True
     if isinstance(capture, McapCapture) and capture.summary.merged:
         raise CaptureError(
             UserMessage(
                 "{path} holds several recordings, perhaps of different controllers: audit each "
                 "recording by itself",
-                path=file,
+                path=capture.path,
             )
         )
     results = from_audit(
         judge,
         listener.stats,
-        subject=Subject(Role.CAPTURE, file=str(file), claims=ics.summary),
+        subject=Subject(Role.CAPTURE, file=title_of(files), claims=ics.summary),
         claims={key: ics.dialect[key] for key in ics.claimed},
         replay=replay,
         wrong_claims=tuple(listener.wrong_claims(replay)),
         excluded=excluded_requirements(listener.served),
     )
-    results = replace(results, notices=tuple(_notices(subject, judge, listener)))
-    if not capture.summary.whole and results.verdict is not Conclusion.NONCONFORMANT:
+    notices = (*([_INTERRUPTED] if interrupted else []), *_notices(subject, judge, listener))
+    results = replace(results, notices=notices)
+    if (
+        interrupted or not capture.summary.whole
+    ) and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
     has_frames = results.session and results.session.frames
     if results.verdict.good and not has_frames:
@@ -113,7 +136,33 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     return results, tuple(capture.summary.notes)
 
 
-def _subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
+def _joined(captures: Sequence[McapCapture | PcapCapture]) -> McapCapture | PcapCapture:
+    """Return the only capture, or the files of one recording as one capture.
+
+    Raises:
+        CaptureError: One of several files is a packet capture.
+    """
+    if len(captures) == 1:
+        return captures[0]
+    parts = []
+    for capture in captures:
+        if not isinstance(capture, McapCapture):
+            raise CaptureError(
+                UserMessage(
+                    "{path} is no MCAP recording: audit packet captures one by one",
+                    path=capture.path,
+                )
+            )
+        parts.append(capture)
+    return JoinedCapture(parts)
+
+
+def title_of(files: Sequence[Path]) -> str:
+    """Return the name of a capture: its file, or its first and its last file."""
+    return f"{files[0]}" if len(files) == 1 else f"{files[0]} … {files[-1].name}"
+
+
+def subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
     """Return the subject that the capture states, and its claims; both sides if it states none.
 
     Raises:
@@ -134,7 +183,7 @@ def _subject_of(capture: McapCapture | PcapCapture) -> tuple[Role, Ics]:
 
 
 class _Listener:
-    """Takes what the judge yields.
+    """Processes the items that the judge yields.
 
     Attributes:
         stats: The statistics of the traffic, with the evidence of the findings that count.
@@ -151,7 +200,7 @@ class _Listener:
         self._scope, self._dialect = judge.scope, ics.dialect
 
     def is_judged(self, event: WireEvent) -> bool:
-        """Return whether the traffic of the event's connection says something about the subject."""
+        """Return whether the event's connection is evidence about the subject."""
         if event.kind is Kind.OPENED and event.note == UNJUDGED:
             self.unjudged.add(event.connection)
         return event.connection not in self.unjudged
@@ -208,7 +257,3 @@ def _notices(subject: Role, judge: Judge, listener: _Listener) -> Iterator[str]:
             "shows it",
             command=name,
         )
-
-
-def _is_tcp(url: str) -> bool:
-    return isinstance(parse(url), Tcp)

@@ -9,9 +9,9 @@ from typing import BinaryIO, Final
 from scaraspec.api.auditing import audit
 from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mutants
 from scaraspec.certificate import checks, package, signature
-from scaraspec.certificate.environment import StatedEnvironment, environment
+from scaraspec.certificate.environment import StatedEnvironment, environment, round_trip
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
-from scaraspec.certificate.package import Manifest, PackageError
+from scaraspec.certificate.package import Manifest, PackageError, obstacle
 from scaraspec.judge.verdicts import ExitStatus, Verdict
 from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.protocol.hazard import Hazard
@@ -174,9 +174,8 @@ def certification(  # noqa: PLR0913 - independent choices of a user
     if hooks := sorted(needed - ics.hooks.keys() - {*mandatory.optional_hooks}):
         text = "a certification needs the hook {hook} in [hooks] of the ICS"
         raise CertificationError(UserMessage(text, hook=hooks[0]))
-    if package.exists():
-        text = "{package} exists: name another file with --package"
-        raise CertificationError(UserMessage(text, package=package))
+    if problem := obstacle(package):
+        raise CertificationError(problem)
     return Certification(package, mandatory, options)
 
 
@@ -319,10 +318,12 @@ def verify_package(
             )
             return replace(verification, certificate=certificate)
     except OSError as error:
-        raise PackageError(
-            UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror),
-            ExitStatus.USAGE,
-        ) from None
+        is_own = error.filename == f"{path}"
+        text = (
+            "it cannot be read: {reason}" if is_own else "its files cannot be extracted: {reason}"
+        )
+        status = ExitStatus.USAGE if is_own else ExitStatus.INCONCLUSIVE
+        raise PackageError(UserMessage(text, reason=error.strerror), status) from None
 
 
 def write_certificate(
@@ -395,7 +396,7 @@ def _checks_of_results(
     note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")
     yield _refusing("options", checks.option_problems(results, mandatory), note)
     is_own = results.tool == Tool.own()
-    yield _refusing("environment", _environment_problems(folder), "sample and laboratory")
+    yield _refusing("environment", _environment_problems(folder, results), "complete")
     problems = _calibration_problems(folder, results, is_own=is_own)
     yield _refusing("calibration", problems, "reference conformant, mutants killed")
     yield _check_capture(folder, results, is_own=is_own)
@@ -411,9 +412,9 @@ def _environment_in(folder: Path) -> StatedEnvironment:
     return from_plain(StatedEnvironment, package.json_in(folder / _ENVIRONMENT))
 
 
-def _environment_problems(folder: Path) -> Iterator[str]:
+def _environment_problems(folder: Path, results: Results) -> Iterator[str]:
     try:
-        yield from _environment_in(folder).problems(package.json_in(folder / _ICS))
+        yield from _environment_in(folder).problems(package.json_in(folder / _ICS), results)
     except InvalidValueError as error:
         yield UserMessage("{name} is damaged: {error}", name=_ENVIRONMENT, error=error)
 
@@ -463,6 +464,8 @@ def _report_problems(folder: Path, results: Results) -> Iterator[str]:
     ics = package.json_in(folder / _ICS)
     if stated != tuple(map(ics.get, ("name", "version", "claims"))):
         yield "ics.json has other claims than the results"
+    if package.json_in(folder / _ENVIRONMENT).get("round_trip") != round_trip(results):
+        yield "environment.json has another round trip than the results"
 
 
 def _has_text(path: Path, text: str) -> bool:

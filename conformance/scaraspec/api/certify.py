@@ -39,14 +39,14 @@ class StartError(Exception):
 
 
 class IncompleteFilesError(Exception):
-    """A run has ended, but its recording or a report could not be written.
+    """A run has ended, but its recording, a report or the package could not be written.
 
     Attributes:
         results: The results of the run.
     """
 
-    def __init__(self, results: Results, problem: RunFolderError) -> None:
-        super().__init__(f"{problem}")
+    def __init__(self, results: Results, problem: str) -> None:
+        super().__init__(problem)
         self.results = results
 
 
@@ -314,7 +314,11 @@ def write_results(
         try:
             files.finish(results)
         except RunFolderError as error:
-            raise IncompleteFilesError(results, error) from None
+            raise IncompleteFilesError(results, f"{error}") from None
         if certification and files.path:
-            write_package(certification, files.path, run.adapter.ics)
+            try:
+                write_package(certification, files.path, run.adapter.ics)
+            except OSError as error:
+                text = "the package cannot be written: {error}"
+                raise IncompleteFilesError(results, UserMessage(text, error=error)) from None
     return results

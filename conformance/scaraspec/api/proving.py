@@ -18,7 +18,7 @@ from scaraspec.mutants.kill_matrix import (
     prove_mutant,
 )
 from scaraspec.mutants.registry import Mutant
-from scaraspec.mutants.worker_pool import apart
+from scaraspec.mutants.worker_pool import in_processes
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.collection import collect
@@ -116,8 +116,8 @@ def mutants(
     known = ROLE_SUITES[role].faults()
     chosen = [known[mutant_id] for mutant_id in ids] or [*known.values()]
     only = options.only
-    wanted = {mutant.name for mutant in chosen if only is None or only & {*mutant.requirements}}
-    return [mutant for mutant in known.values() if mutant.name in wanted]
+    names = {each.name for each in chosen if only is None or only & {*each.requirements}}
+    return [mutant for mutant in known.values() if mutant.name in names]
 
 
 def prove(  # noqa: PLR0913 - independent options of a proof
@@ -160,7 +160,7 @@ def prove(  # noqa: PLR0913 - independent options of a proof
     unmodified_ends(unmodified)
     proofs = []
     work = partial(prove_mutant, role=role, options=options, quick=quick)
-    with closing(apart(work, chosen, jobs=jobs, runs=_RUNS)) as pending:
+    with closing(in_processes(work, chosen, jobs=jobs, runs=_RUNS)) as pending:
         for proof in pending:
             mutant_ends(proof)
             proofs.append(proof)
@@ -187,7 +187,7 @@ def prove_dialects(
     """
     alarms = []
     work = partial(check_dialect, role=role, options=options)
-    with closing(apart(work, list(dialects()), jobs=jobs, runs=_RUNS)) as pending:
+    with closing(in_processes(work, list(dialects()), jobs=jobs, runs=_RUNS)) as pending:
         for alarm in pending:
             dialect_ends(alarm)
             alarms.append(alarm)

@@ -1,9 +1,10 @@
 """The recording of the traffic between clients and a controller, by a transparent proxy."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 from scaraspec.api.viewer import has_viewer
 from scaraspec.transports.url import Rfcomm, Serial, Tcp, join_host_port, parse, split_host_port
@@ -17,6 +18,8 @@ from scaraspec_recorder.tap import serial_relay
 from scaraspec_recorder.tap.routes import Mode, Route, route
 from scaraspec_recorder.tap.tcp import is_loopback
 
+LOOPBACK: Final = "127.0.0.1"
+
 
 @dataclass(frozen=True, slots=True)
 class RecordingPlan:
@@ -25,13 +28,13 @@ class RecordingPlan:
     Attributes:
         robot: The configuration of its recording.
         controller: The link of the controller.
-        listen: The address on which the recorder listens.
+        listen: The addresses on which the recorder listens.
         client_line: The serial line of the client; None if clients connect over TCP.
     """
 
     robot: RobotConfig
     controller: Tcp | Serial | Rfcomm
-    listen: tuple[str, int]
+    listen: tuple[tuple[str, int], ...]
     client_line: serial_relay.SerialAddress | None = None
 
     @classmethod
@@ -43,32 +46,27 @@ class RecordingPlan:
             UrlError: A URL is invalid.
         """
         controller, client_line = parse(robot.url), None
-        if "://" in robot.listen:
-            client = parse(robot.listen)
-            if isinstance(client, Tcp):
-                raise ConfigError(
-                    UserMessage(
-                        "{listen} is not an address to listen on: write {address}",
-                        listen=robot.listen,
-                        address=join_host_port(*client),
-                    )
-                )
-            client_line, listen = client, ("127.0.0.1", 0)
+        if any("://" in text for text in robot.listen):
+            client_line, listen = _client_line(robot.listen), [(LOOPBACK, 0)]
         else:
-            listen = split_host_port(robot.listen, lowest_port=0)
+            listen = [_address(text) for text in robot.listen]
         if robot.mode is not Mode.EXPLICIT and (client_line or not isinstance(controller, Tcp)):
             raise ConfigError(
                 UserMessage("the mode {mode} needs TCP on both sides", mode=robot.mode)
             )
-        if robot.injection and not robot.i_mean_it and not is_loopback(listen[0]):
+        if (
+            robot.injection
+            and not robot.i_mean_it
+            and not all(is_loopback(host) for host, _ in listen)
+        ):
             raise ConfigError(
                 UserMessage(
                     "faults would be injected at {listen}, and other machines can connect: add "
                     "--i-mean-it if this is intended",
-                    listen=robot.listen,
+                    listen=" and ".join(robot.listen),
                 )
             )
-        return cls(robot, controller, listen, client_line)
+        return cls(robot, controller, tuple(listen), client_line)
 
     @property
     def route(self) -> Route:
@@ -79,7 +77,7 @@ class RecordingPlan:
 
     def sinks(self, viewer_url: str | None) -> tuple[SinkFactory, ...]:
         """Return the factories of the sinks: the files, and the viewer if there is one."""
-        needs_login = isinstance(self.controller, Tcp)  # L83
+        needs_login = self.controller.needs_login
         session = {"controller": str(self.controller)}
         files = self.robot.sink(session, draw=has_viewer(), needs_login=needs_login)
         if viewer_url is None:
@@ -91,6 +89,51 @@ class RecordingPlan:
         if not self.client_line:
             return nullcontext()
         return serial_relay.relay_serial_client(self.client_line, address)
+
+
+def _client_line(listen: Sequence[str]) -> serial_relay.SerialAddress:
+    """Parse the URL of the client's serial line.
+
+    Raises:
+        ConfigError: It is not a serial line, or not the only address.
+        UrlError: The URL is invalid.
+    """
+    url = next(text for text in listen if "://" in text)
+    client = parse(url)
+    if isinstance(client, Tcp):
+        raise ConfigError(
+            UserMessage(
+                "{url} is not an address to listen on: write {address}",
+                url=url,
+                address=join_host_port(*client),
+            )
+        )
+    if len(listen) > 1:
+        raise ConfigError(
+            UserMessage("{url} cannot be combined with other addresses to listen on", url=url)
+        )
+    return client
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Parse an address to listen on; the host ``*`` is all addresses.
+
+    Raises:
+        ConfigError: The host is missing.
+        UrlError: The address is invalid.
+    """
+    port = text.removeprefix(":")
+    if port.isdigit():
+        raise ConfigError(
+            UserMessage(
+                "{text} has no host: write HOST:PORT, as {loopback}:{port}, or *:{port} for all "
+                "addresses of this machine",
+                text=text,
+                loopback=LOOPBACK,
+                port=port,
+            )
+        )
+    return split_host_port(text, lowest_port=0)
 
 
 @asynccontextmanager
@@ -125,6 +168,7 @@ async def record(
             injection=robot.injection,
             kernel_time=robot.timestamps is TimestampSource.KERNEL,
             file_mode=robot.file_mode,
+            durable=robot.durable,
         ) as recording,
         plan.client_relay(recording.address),
     ):

@@ -22,6 +22,9 @@ SEEDS: Final = range(10)
 PATIENCE_S: Final = "10"
 """The longest wait of one case against a controller, in seconds, as the settings state it."""
 
+_FREE: Final = ("undefined_opcodes", "reply_timeout_s", "transfer_timeout_s", "time_scale")
+"""The options that the ICS or the laboratory choose; a client also has ``answer_timeout_s``."""
+
 _UNLISTED: Final = ("claim.", "run.")
 """The beginnings of the ids of cases that are no cases of the suite."""
 _ALTERS_REQUIREMENTS: Final = (Verdict.FAIL, Verdict.INCONCLUSIVE)
@@ -75,13 +78,20 @@ def option_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]
         )
     settings = results.run.settings if results.run else {}
     fixed = certification_options(results.role, mandatory).summary
+    free = {*_FREE}
     if results.role is Role.CONTROLLER:
         fixed["patience_s"] = PATIENCE_S
+    else:
+        free.add("answer_timeout_s")
     for name, value in fixed.items():
-        if name != "undefined_opcodes" and (own := settings.get(name, "")) != value:
+        if name not in free and (own := settings.get(name, "")) != value:
             yield UserMessage(
                 'option {name} is "{own}", not "{value}"', name=name, own=own, value=value
             )
+    for name in sorted(free - settings.keys()):
+        yield UserMessage("option {name} is missing", name=name)
+    for name in sorted(settings.keys() - fixed.keys() - free):
+        yield UserMessage("option {name!r} is not known", name=name)
 
 
 def case_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
@@ -155,22 +165,11 @@ def _verified_lacks(results: Results) -> set[str]:
 
 def verdict_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
     """Yield each verdict that does not follow from the cases."""
-    verdicts: defaultdict[str, list[Verdict]] = defaultdict(list)
-    for case in results.cases:
-        for requirement in case.requirements:
-            verdicts[requirement].append(case.verdict)
-    stated = {each.id: each.verdict for each in results.requirements}
+    yield from _requirement_problems(results)
+    stated = {each.id for each in results.requirements}
     for requirement in sorted({each for ids in mandatory.cases.values() for each in ids}):
         if requirement not in stated and not _is_excluded(requirement, results):
             yield UserMessage("requirement {id} is missing", id=requirement)
-    for requirement, verdict in stated.items():
-        if verdict is not (right := worst(verdicts[requirement])):
-            yield UserMessage(
-                "requirement {id} is {verdict}, but its cases are {right}",
-                id=requirement,
-                verdict=verdict.value,
-                right=right.value,
-            )
     counts = dict.fromkeys(Verdict, 0) | Counter(case.verdict for case in results.cases)
     if counts != results.counts:
         yield "the numbers of verdicts are not those of the cases"
@@ -181,6 +180,24 @@ def verdict_problems(results: Results, mandatory: MandatoryList) -> Iterator[str
             verdict=results.verdict.value,
             right=concluded.value,
         )
+
+
+def _requirement_problems(results: Results) -> Iterator[str]:
+    judging: defaultdict[str, list[Case]] = defaultdict(list)
+    for case in results.cases:
+        for requirement in case.requirements:
+            judging[requirement].append(case)
+    for each in results.requirements:
+        cases = judging[each.id]
+        if each.verdict is not (right := worst(case.verdict for case in cases)):
+            yield UserMessage(
+                "requirement {id} is {verdict}, but its cases are {right}",
+                id=each.id,
+                verdict=each.verdict.value,
+                right=right.value,
+            )
+        if {*each.cases} != {case.id for case in cases}:
+            yield UserMessage("requirement {id} names other cases", id=each.id)
 
 
 def capture_problems(results: Results, derived: Results) -> Iterator[str]:
@@ -196,6 +213,9 @@ def capture_problems(results: Results, derived: Results) -> Iterator[str]:
     """
     if _traffic(results) != _traffic(derived):
         yield "the traffic in the results is not that of the capture"
+    run, session = results.run, derived.session
+    if run and session and not run.begun_ns <= session.begun_ns <= session.ended_ns <= run.ended_ns:
+        yield "the capture is of another time than the run"
     undecidable = {
         case.requirements[0] for case in derived.cases if case.reason is Reason.UNDECIDED
     }
@@ -219,7 +239,11 @@ def capture_problems(results: Results, derived: Results) -> Iterator[str]:
 
 
 def _traffic(results: Results) -> tuple[object, ...]:
-    """Return what identifies the traffic. Names of files may be masked in the capture."""
+    """Return what identifies the traffic.
+
+    Names of files may be masked in the capture. How an exchange ended may depend on the time at
+    which the run gave it up.
+    """
     if (session := results.session) is None:
         return ()
     return (

@@ -9,34 +9,41 @@ from pathlib import Path
 from typing import Final
 
 import scaraspec
-from scaraspec.report.model import Results, Tool
+from scaraspec.report.model import Results
 from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
 from scaraspec.user_message import UserMessage
 
 _TIMEOUT_S: Final = 10
 _FOLDER: Final = Path(scaraspec.__file__).parent
+_MACHINE: Final = ("host", "operating_system", "python", "clock")
 _ROUND_TRIP: Final = "get_status"
 
 
 @dataclass(frozen=True, slots=True)
 class StatedEnvironment:
-    """The part of the environment that a certificate shows."""
+    """The environment that a package states, except the round trip, which is in the results."""
 
     sample: Mapping[str, str]
     laboratory: Mapping[str, str]
+    machine: Mapping[str, str]
     tool: Mapping[str, str]
 
-    def problems(self, ics: Mapping[str, object]) -> Iterator[str]:
-        """Yield what is missing, or is different in the ICS of the package."""
+    def problems(self, ics: Mapping[str, object], results: Results) -> Iterator[str]:
+        """Yield what is missing, or is different in the ICS or in the results of the package."""
         for table, keys, values in (
             ("sample", SAMPLE, self.sample),
             ("laboratory", LABORATORY, self.laboratory),
+            ("machine", _MACHINE, self.machine),
         ):
             for key in keys:
                 if not values.get(key):
                     yield UserMessage("{table}.{key} is missing", table=table, key=key)
+        for table, values in (("sample", self.sample), ("laboratory", self.laboratory)):
             if values != ics.get(table):
                 yield UserMessage("ics.json has another {table}", table=table)
+        stated = (self.tool.get("version"), self.machine.get("python"))
+        if stated != (results.tool.version, results.run.python if results.run else None):
+            yield "results.json has another version of scaraspec or Python"
 
 
 def environment(ics: Ics, results: Results) -> dict[str, Mapping[str, object]]:
@@ -50,18 +57,18 @@ def environment(ics: Ics, results: Results) -> dict[str, Mapping[str, object]]:
         "laboratory": ics.laboratory,
         "sample": ics.sample,
         "machine": {
-            "host": platform.node(),
+            "host": platform.node() or "unknown",
             "operating_system": platform.platform(),
             "python": platform.python_version(),
             "clock": _clock(),
         },
-        "tool": {"version": Tool.own().version, "commit": _commit()},
-        "round_trip": _round_trip(results),
+        "tool": {"version": results.tool.version, "commit": _commit()},
+        "round_trip": round_trip(results),
     }
 
 
-def _round_trip(results: Results) -> dict[str, object]:
-    """Return the measured time from a status request to its reply."""
+def round_trip(results: Results) -> dict[str, object]:
+    """Return the measured time from a status request to its reply; empty if there is none."""
     for each in results.session.exchanges if results.session else ():
         if each.name == _ROUND_TRIP and (times := each.latency):
             return {

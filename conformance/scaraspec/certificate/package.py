@@ -5,6 +5,7 @@ A package is hostile input: only the known names are read, each once and up to a
 
 import hashlib
 import json
+import os
 import shutil
 import stat
 import struct
@@ -135,16 +136,29 @@ def sha256_of(file: BufferedReader) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def obstacle(path: Path) -> str:
+    """Return why a package cannot be written; empty if nothing is known."""
+    if path.exists():
+        return UserMessage("{package} exists: name another file with --package", package=path)
+    folder = next(each for each in path.absolute().parents if each.exists())
+    if folder.is_dir() and os.access(folder, os.W_OK | os.X_OK):
+        return ""
+    return UserMessage(
+        "{package} cannot be written: name another file with --package", package=path
+    )
+
+
 def write(path: Path, files: Mapping[str, Path]) -> None:
     """Write a new package; equal files give equal bytes.
 
     Args:
-        path: The package; it must not exist.
+        path: The package; it must not exist. Its folder is created.
         files: The manifest and the other files, by their names in the package.
 
     Raises:
         OSError: The package exists or cannot be written, or a file cannot be read.
     """
+    path.parent.mkdir(parents=True, exist_ok=True)
     file = path.open("xb")
     try:
         with file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -172,6 +186,7 @@ def extract(file: BinaryIO, folder: Path) -> frozenset[str]:
         with zipfile.ZipFile(file) as archive:
             entries = archive.infolist()
             _require_known(entries)
+            _require_limits(entries)
             for entry in entries:
                 with archive.open(entry) as source, (folder / entry.filename).open("xb") as target:
                     shutil.copyfileobj(source, target)
@@ -209,13 +224,20 @@ def _require_known(entries: Sequence[zipfile.ZipInfo]) -> None:
             raise _refused(UserMessage("{name} is not a regular file", name=entry.filename))
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise _refused(UserMessage("{name} is compressed otherwise", name=entry.filename))
+    if MANIFEST not in {entry.filename for entry in entries}:
+        raise _refused(UserMessage("{name} is missing", name=MANIFEST))
+
+
+def _require_limits(entries: Sequence[zipfile.ZipInfo]) -> None:
+    """Require that an archive begins with its first file, and that no file is too large."""
+    if min(entry.header_offset for entry in entries):
+        raise _refused("there are other bytes before its first file")
+    for entry in entries:
         limit_bytes = _MAX_BYTES if entry.filename == CAPTURE else _MAX_TEXT_BYTES
         if entry.file_size > limit_bytes:
             raise _refused(UserMessage("{name} is too large", name=entry.filename))
     if sum(entry.file_size for entry in entries) > _MAX_BYTES:
         raise _refused("its files are larger than 1 GiB")
-    if MANIFEST not in {entry.filename for entry in entries}:
-        raise _refused(UserMessage("{name} is missing", name=MANIFEST))
 
 
 def _refused(reason: str) -> PackageError:

@@ -1,23 +1,27 @@
 """`scaraspec audit`: judge a capture."""
 
 import shlex
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 import click
 from rich.console import Console
-from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.api.auditing import audit
-from scaraspec.cli.options import capture_port, given_options
-from scaraspec.cli.problems import Problem
+from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
+from scaraspec.cli.options import capture_port, given_options, selection_options
+from scaraspec.cli.problems import Problem, require_replaceable
+from scaraspec.cli.progress_bar import shown_share
+from scaraspec.judge.requirements import UnknownRequirementError, select
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.translations import Language
 from scaraspec.suite.engine.ics import Ics, IcsError
+from scaraspec.traffic.selection import Selection
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
@@ -26,25 +30,29 @@ EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
 _PATH = click.Path(path_type=Path)
 _ROLES = {"controller": Role.CONTROLLER, "client": Role.CLIENT, "both": Role.CAPTURE, None: None}
-_OUTPUT = ("json_file", "html_file", "language")
+_JSON_MARK = ' "run": null,\n "schema": "scaraspec.results/'
+_HTML_MARK = '<meta name="generator" content="scaraspec audit">'
+_OUTPUT = ("json_file", "html_file", "language", "jobs")
 
 
 @click.command(epilog=EXAMPLE)
-@click.argument("file", type=_PATH)
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True, type=_PATH)
 @capture_port
 @click.option(
-    "--serial", is_flag=True, help="The link was serial (clause 2), even if FILE does not state it."
+    "--serial",
+    is_flag=True,
+    help="The link was serial (clause 2), even if the capture does not state it.",
 )
 @click.option(
     "--subject",
     type=click.Choice(["controller", "client", "both"]),
-    help="The side to judge [the subject of the certification that wrote FILE, else both].",
+    help="The side to judge [the subject of the certification that wrote it, else both].",
 )
 @click.option(
     "--ics",
     type=_PATH,
     metavar="ICS",
-    help="Conformance statement of the subject, TOML [what FILE states].",
+    help="Conformance statement of the subject, TOML [what the capture states].",
 )
 @click.option(
     "--reading",
@@ -52,6 +60,11 @@ _OUTPUT = ("json_file", "html_file", "language")
     multiple=True,
     metavar="KEY=OPTION",
     help="A further reading that the subject claims, such as xfer_timeout=60; repeatable.",
+)
+@click.option("--only", metavar="LIST", help="Judge only these requirements: 4.11,5.2/12.")
+@selection_options
+@click.option(
+    "--jobs", type=click.IntRange(1), help="Processes for several captures [one per processor]."
 )
 @click.option("--json", "json_file", type=_PATH, help="Write results.json here.")
 @click.option("--html", "html_file", type=_PATH, help="Write the report here.")
@@ -62,45 +75,59 @@ _OUTPUT = ("json_file", "html_file", "language")
     help="Language in which the report opens.",
 )
 def command(  # noqa: PLR0913 - one for each option
-    file: Path,
+    paths: tuple[Path, ...],
     port: int | None,
     *,
     serial: bool,
     subject: str | None,
     ics: Path | None,
     readings: tuple[str, ...],
+    only: str | None,
+    commands: frozenset[str],
+    connection: str | None,
+    since: int | None,
+    until: int | None,
+    jobs: int | None,
     json_file: Path | None,
     html_file: Path | None,
     language: str,
 ) -> None:
-    """Judge FILE: an MCAP recording, or a pcap or pcapng of any client and controller.
+    """Judge captures: MCAP recordings, or pcap and pcapng of any client and controller.
 
-    Violations by the side that is not the subject do not count. Exit status 0 conformant,
-    1 nonconformant, 3 inconclusive, 4 nothing to judge.
+    PATH is a file, a folder or a pattern. The files of one recording are judged together. Several
+    captures are listed with the gravest first. Violations by the side that is not the subject do
+    not count. Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
-    for target in (json_file, html_file):
-        if target and target.exists() and file.exists() and target.samefile(file):
-            raise Problem(
-                UserMessage("{target} is the capture: name another file to write", target=target)
-            )
+    require_replaceable(json_file, _JSON_MARK)
+    require_replaceable(html_file, _HTML_MARK)
+    context = click.get_current_context()
     try:
-        options = given_options(click.get_current_context(), without=_OUTPUT)
-        with _shown_progress() as progress:
+        captures = find_captures(paths)
+        options: dict[str, Any] = {
+            "subject": _ROLES.get(subject),
+            "ics": Ics.read(ics) if ics else None,
+            "readings": parse_settings(readings),
+            "port": port,
+            "serial": serial,
+            "only": frozenset(r.id for r in select(only)) if only else None,
+            "selection": Selection(since, until, connection or "", commands),
+        }
+        words = [*given_options(context, without=_OUTPUT)]
+        if len(captures) > 1:
+            _audit_several(captures, jobs, words, options, outputs=(json_file, html_file))
+        files = captures[0]
+        with shown_share("judging") as progress:
             results, notes = audit(
-                file,
-                subject=_ROLES.get(subject),
-                ics=Ics.read(ics) if ics else None,
-                readings=parse_settings(readings),
-                port=port,
-                serial=serial,
-                reproduction=shlex.join(["scaraspec", "audit", f"{file}", *options]),
+                files,
+                **options,
+                reproduction=shlex.join(["scaraspec", "audit", *map(str, paths), *words]),
                 progress=progress,
             )
         if json_file:
             results.write(json_file)
         if html_file:
             html.write(results, html_file, Language(language))
-    except (CaptureError, IcsError, LinkError, ReadingError) as error:
+    except (CaptureError, IcsError, LinkError, ReadingError, UnknownRequirementError) as error:
         raise Problem(str(error)) from None
     except OSError as error:
         raise Problem(
@@ -111,17 +138,49 @@ def command(  # noqa: PLR0913 - one for each option
             )
         ) from None
     for note in notes:
-        click.echo(visible(f"{file}: {note}"), err=True)
+        click.echo(visible(f"{files[0]}: {note}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)
 
 
-@contextmanager
-def _shown_progress() -> Iterator[Callable[[int], None]]:
-    """On a terminal, show the number of events judged so far; yield the callback."""
-    console = Console(stderr=True)
-    columns = (TextColumn("judging {task.completed} events"), TimeElapsedColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-        task = bar.add_task("judging", total=None)
-        yield lambda count: bar.update(task, completed=count)
+def _audit_several(
+    captures: Sequence[tuple[Path, ...]],
+    jobs: int | None,
+    words: Sequence[str],
+    options: dict[str, Any],
+    outputs: Sequence[Path | None],
+) -> NoReturn:
+    """Judge several captures and print a summary.
+
+    Raises:
+        Problem: A file to write was named: it would have the results of one capture only.
+        SystemExit: Always, with the exit status.
+    """
+    if any(outputs):
+        raise Problem(
+            UserMessage(
+                "--json and --html write the results of one capture, but there are {count}: "
+                "audit the capture alone",
+                count=len(captures),
+            )
+        )
+    audited: list[AuditedCapture] = []
+    with shown_share("judging", "captures") as progress:
+        progress(0, len(captures))
+        for each in audit_all(captures, jobs=jobs or 0, arguments=words, **options):
+            audited.append(each)
+            progress(len(audited), len(captures))
+    terminal.show_captures(((a.title, a.results, a.error) for a in audited), Console())
+    raise SystemExit(_exit_status(audited))
+
+
+def _exit_status(audited: Sequence[AuditedCapture]) -> ExitStatus:
+    """Return the status of several captures: 1 wins over 3, 3 over 0; 4 if nothing was judged."""
+    found = {
+        each.results.verdict.exit_status if each.results else ExitStatus.INCONCLUSIVE
+        for each in audited
+    }
+    for status in (ExitStatus.NONCONFORMANT, ExitStatus.INCONCLUSIVE, ExitStatus.CONFORMANT):
+        if status in found:
+            return status
+    return ExitStatus.NOTHING_TESTED

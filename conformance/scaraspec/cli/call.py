@@ -6,6 +6,7 @@ The commands, their arguments and the form of results are derived from the comma
 import difflib
 import json
 import textwrap
+from pathlib import Path
 from typing import Any
 
 import click
@@ -21,22 +22,24 @@ from scaraspec.client.text_interface import (
     TRANSFERS,
     error_to_json,
     format_result,
+    name_text,
     parse_arguments,
     to_json,
 )
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import Dialect, ReadingError, parse_settings
+from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import LinkError
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
 
 _SILENT = (ReplyTimeout, LinkLost)
-_USAGE = (PayloadError, LinkError, OSError)
+_USAGE = (PayloadError, LinkError, OSError, IcsError, ReadingError)
 
 
 def _catalogue() -> str:
@@ -60,6 +63,19 @@ def _catalogue() -> str:
     type=Real(0.001, 1e6),
     help="Time to wait for a reply [5] and for a final result [no limit].",
 )
+@click.option(
+    "--reading",
+    "readings",
+    multiple=True,
+    metavar="KEY=OPTION",
+    help="A reading of the controller, such as endian=big; repeatable.",
+)
+@click.option(
+    "--ics",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Conformance statement of the controller, TOML: its readings are used.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(  # noqa: PLR0913, PLR0917 - a command line's options are its arguments
     url: str,
@@ -67,6 +83,8 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     texts: tuple[str, ...],
     password: str | None,
     timeout_s: float | None,
+    readings: tuple[str, ...],
+    ics: Path | None,
     as_json: bool,  # noqa: FBT001 - a flag of the command line
 ) -> None:
     """Send COMMAND with ARGS to the controller at URL, and print the result.
@@ -82,37 +100,37 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         hint = f"did you mean {near[0]}?" if near else "scaraspec call --help lists them"
         raise Problem(UserMessage("there is no command {name!r}: {hint}", name=name, hint=hint))
     try:
-        result = _carry_out(url, name, texts, password, timeout_s, announce=not as_json)
+        dialect = _dialect(ics, readings, timeout_s)
+        result = _carry_out(url, name, texts, password, timeout_s, dialect, announce=not as_json)
     except (ClientError, *_USAGE) as error:
         status = _status(error)
         if not as_json:
             raise Problem(_sentence(error), status) from None
         answer = {"ok": False, "command": name, "error": error_to_json(error)}
-        click.echo(json.dumps(answer))
+        click.echo(json.dumps(answer, ensure_ascii=False))
         raise SystemExit(status) from None
     if as_json:
-        click.echo(json.dumps({"ok": True, "command": name, "result": to_json(result)}))
+        answer = {"ok": True, "command": name, "result": to_json(result, name_text)}
+        click.echo(json.dumps(answer, ensure_ascii=False))
     else:
         click.echo("\n".join(format_result(name, result)))
 
 
-def _carry_out(  # noqa: PLR0913 - the options of the command line
+def _carry_out(  # noqa: PLR0913, PLR0917 - the options of the command line
     url: str,
     name: str,
     texts: tuple[str, ...],
     password: str | None,
     timeout_s: float | None,
+    dialect: Dialect,
     *,
     announce: bool,
 ) -> Any:
     values = parse_arguments(name, texts)
     if name == "login":
         password = None  # it logs in itself
-    elif password is None and isinstance(parse(url), Tcp):
+    elif password is None and parse(url).needs_login:
         password = DEFAULT_PASSWORD
-    dialect = DEFAULT
-    if timeout_s is not None:
-        dialect = dialect.replace(reply_timeout=f"{timeout_s:.3f}")
     with Client(
         url,
         password=password,
@@ -136,6 +154,20 @@ def _carry_out(  # noqa: PLR0913 - the options of the command line
                 ),
                 ExitStatus.INCONCLUSIVE,
             ) from None
+
+
+def _dialect(ics: Path | None, readings: tuple[str, ...], timeout_s: float | None) -> Dialect:
+    """Return the readings of the controller.
+
+    Raises:
+        IcsError: The ICS cannot be read.
+        ReadingError: A reading does not exist.
+    """
+    claims = Ics.read(ics) if ics else Ics()
+    dialect = claims.with_claims(**parse_settings(readings)).dialect
+    if timeout_s is not None:
+        dialect = dialect.replace(reply_timeout=f"{timeout_s:.3f}")
+    return dialect
 
 
 def _transfer(client: Client, name: str, values: list[str]) -> Any:

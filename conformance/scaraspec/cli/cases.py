@@ -10,7 +10,8 @@ from rich.padding import Padding
 from rich.text import Text
 
 from scaraspec.certificate.decisions import decisions
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, require_replaceable
+from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.files import write_whole
@@ -19,7 +20,7 @@ from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.selection import SelectionError, parse_selection
-from scaraspec.suite.engine.specification import INTRO, render, rows
+from scaraspec.suite.engine.specification import INTRO, MARK, render, rows
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec cases 4.15/2.missing"
@@ -48,20 +49,26 @@ def command(
 ) -> None:
     """List the cases of the suite, or show everything about the case ID.
 
+    If ID is a requirement and no case has this id, list the cases that judge it.
+
     The duration is that of a run which passes, on the simulated clock: the time that the case
     waits, and its number of steps.
     """
     if case_id and only:
         raise Problem("ID cannot be combined with --only")
+    require_replaceable(html_path, MARK)
     roles = [Role(role_name)] if role_name else [*_ROLES]
-    sheets = _named(case_id, roles) if case_id else [*_selected(only, roles)]
+    named = _named(case_id, roles) if case_id else []
+    if case_id and not named and case_id not in REQUIREMENTS:
+        raise _unknown(case_id, roles)
+    sheets = named or [*_selected(case_id or only, roles)]
     if html_path:
         _write(html_path, sheets)
         return
     console = Console(highlight=False)
     for sheet in sheets:
-        _show(sheet, console, whole=bool(case_id))
-    if case_id:
+        _show(sheet, console, whole=bool(named))
+    if named:
         console.print(Padding(Text("\n".join(INTRO)), (1, 0, 0, 0)))
     else:
         click.echo(f"{len(sheets)} cases")
@@ -70,18 +77,19 @@ def command(
 def _named(case_id: str, roles: list[Role]) -> list[CaseSheet]:
     """Return the sheets of a case; a controller case and a client case may have the same id."""
     only = Options(only=frozenset(), cases=frozenset({case_id}))
-    found = [sheet for role in roles for sheet in case_sheets(role, only)]
-    if not found:
-        known = [case.id for role in roles for case in collect(Options(), role)]
-        near = get_close_matches(case_id, known, n=2)
-        raise Problem(
-            UserMessage(
-                "there is no case {case_id!r}{hint}; `scaraspec cases` lists all",
-                case_id=case_id,
-                hint=f", did you mean {' or '.join(near)}?" if near else "",
-            )
+    return [sheet for role in roles for sheet in case_sheets(role, only)]
+
+
+def _unknown(case_id: str, roles: list[Role]) -> Problem:
+    known = [case.id for role in roles for case in collect(Options(), role)]
+    near = get_close_matches(case_id, known, n=2)
+    return Problem(
+        UserMessage(
+            "there is no case {case_id!r}{hint}; `scaraspec cases` lists all",
+            case_id=case_id,
+            hint=f", did you mean {' or '.join(near)}?" if near else "",
         )
-    return found
+    )
 
 
 def _selected(only: str | None, roles: list[Role]) -> Iterator[CaseSheet]:
@@ -97,7 +105,7 @@ def _selected(only: str | None, roles: list[Role]) -> Iterator[CaseSheet]:
                 role, Options(only=selection.requirements, cases=selection.cases)
             )
     if len(problems) == len(roles):
-        raise Problem(UserMessage("--only: {error}", error=problems[0]))
+        raise Problem(UserMessage("no case is selected: {error}", error=problems[0]))
 
 
 def _write(path: Path, sheets: list[CaseSheet]) -> None:

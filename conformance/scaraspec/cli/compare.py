@@ -1,18 +1,22 @@
-"""`scaraspec compare`: what differs between the results of two runs."""
+"""`scaraspec compare`: what differs between the results of two runs, or between two captures."""
 
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
+from scaraspec.api.captures import compare_captures
 from scaraspec.api.results import compare
+from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.results import comparison_report
 from scaraspec.user_message import UserMessage
+from scaraspec_recorder.errors import CaptureError
 
-EXAMPLE = "Example: scaraspec compare run-1.4 run-1.5"
+EXAMPLE = "Example: scaraspec compare monday.mcap tuesday.mcap"
 
 _PATH = click.Path(path_type=Path)
 
@@ -21,12 +25,17 @@ _PATH = click.Path(path_type=Path)
 @click.argument("before_path", metavar="A", type=_PATH)
 @click.argument("after_path", metavar="B", type=_PATH)
 @click.option("--summary", type=_PATH, metavar="FILE", help="Append the comparison in Markdown.")
-def command(before_path: Path, after_path: Path, *, summary: Path | None) -> None:
-    """Compare the results A and B: results.json files, or the folders of runs.
+@capture_port
+def command(before_path: Path, after_path: Path, port: int | None, *, summary: Path | None) -> None:
+    """Compare A and B: results.json files, the folders of runs, or captures.
 
-    Compared are failures, verdicts, readings, what was judged, settings and latency. Exit status 0
-    if the behaviour is equal, 1 if it differs; settings and latency do not count.
+    Of results, failures, verdicts, readings, what was judged, settings and latency are compared. Of
+    captures, how the same requests were answered and in which order they were sent, findings,
+    readings and latency. Times, temperatures within 5 °C and poses within 0.2 mm are equal. Exit
+    status 0 if the behaviour is equal, 1 if it differs; settings and latency do not count.
     """
+    if _is_capture(before_path) and _is_capture(after_path):
+        _compare_captures(before_path, after_path, port, summary)
     with user_errors():
         before, after = results_in(before_path), results_in(after_path)
         if before.role is not after.role:
@@ -41,7 +50,32 @@ def command(before_path: Path, after_path: Path, *, summary: Path | None) -> Non
                 )
             )
         comparison = compare(before, after)
-        append_summary(summary, comparison_report.markdown(comparison))
     for line in comparison_report.lines(comparison):
-        click.echo(visible(line))
+        click.echo(visible_line(line))
+    with user_errors(worse=comparison.differs):
+        append_summary(summary, comparison_report.markdown(comparison))
+    raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)
+
+
+def _is_capture(path: Path) -> bool:
+    return path.is_file() and path.suffix.lower() != ".json"
+
+
+def _compare_captures(
+    before: Path, after: Path, port: int | None, summary: Path | None
+) -> NoReturn:
+    """Compare two captures, and end the command.
+
+    Raises:
+        Problem: A capture cannot be read, or the summary cannot be written.
+        SystemExit: Always, with the exit status.
+    """
+    try:
+        comparison = compare_captures(before, after, port=port)
+    except CaptureError as error:
+        raise Problem(str(error)) from None
+    for line in comparison_report.capture_lines(comparison):
+        click.echo(visible_line(line))
+    with user_errors(worse=comparison.differs):
+        append_summary(summary, comparison_report.capture_markdown(comparison))
     raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)

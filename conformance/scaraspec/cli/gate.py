@@ -1,20 +1,19 @@
 """`scaraspec gate`: compare the results of a run with what is accepted."""
 
 import os
-from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
 import click
 
 from scaraspec.api.results import gate
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, require_replaceable
 from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report import ctrf, junit
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Results
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.results import gate_report
 from scaraspec.results.baseline import Baseline
 from scaraspec.results.gate import GateResult
@@ -69,6 +68,12 @@ def command(  # noqa: PLR0913 - one for each option
     """
     if update and not baseline_path:
         raise Problem("--update needs --baseline FILE, the file to write")
+    for path, mark in (
+        (junit_path, junit.MARK),
+        (ctrf_path, ctrf.MARK),
+        (code_quality, gate_report.CODE_QUALITY_MARK),
+    ):
+        require_replaceable(path, mark)
     with user_errors():
         results = results_in(results_path)
         waivers = read_waivers(waivers_path) if waivers_path else ()
@@ -80,14 +85,12 @@ def command(  # noqa: PLR0913 - one for each option
             waivers=waivers,
             today=date.today(),  # noqa: DTZ011 - a waiver expires on the user's calendar
         )
-        for path, text in (
-            (junit_path, lambda: junit.render(results, result.accepted)),
-            (ctrf_path, lambda: ctrf.render(results, result.accepted)),
-            (code_quality, lambda: gate_report.code_quality(result)),
-        ):
-            _write(path, text)
-        append_summary(summary, gate_report.markdown(result))
     _show(result)
+    with user_errors(worse=bool(result.problems)):
+        _write(junit_path, junit.MARK, junit.render(results, result.accepted))
+        _write(ctrf_path, ctrf.MARK, ctrf.render(results, result.accepted))
+        _write(code_quality, gate_report.CODE_QUALITY_MARK, gate_report.code_quality(result))
+        append_summary(summary, gate_report.markdown(result))
     raise SystemExit(result.exit_status)
 
 
@@ -110,14 +113,15 @@ def _update(results: Results, path: Path) -> None:
     click.echo(UserMessage("{path} is updated", path=visible(f"{path}")))
 
 
-def _write(path: Path | None, text: Callable[[], str]) -> None:
+def _write(path: Path | None, mark: str, text: str) -> None:
+    require_replaceable(path, mark)  # again: two options may name one file
     if path:
-        write_whole(path, text())
+        write_whole(path, text)
 
 
 def _show(result: GateResult) -> None:
     for line in gate_report.lines(result):
-        click.echo(visible(line))
+        click.echo(visible_line(line))
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in gate_report.annotations(result):
             click.echo(line)

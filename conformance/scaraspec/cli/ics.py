@@ -12,7 +12,7 @@ from scaraspec.cli.options import password_option, state_dir_option
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.suite.engine.ics import UnreadableIcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.transports.link import LinkError
@@ -71,7 +71,7 @@ def check(path: Path, url: str, *, password: str, state_dir: Path | None) -> Non
     with _user_errors():
         checked = check_ics(path, url, password=password, state_dir=state_dir)
     for problem in checked.problems:
-        click.echo(visible(problem))
+        click.echo(visible_line(problem))
     for line in _summary(checked) if url and not checked.problems else ():
         click.echo(line)
     if checked.problems:

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -9,9 +11,13 @@ import click
 from click.core import ParameterSource
 
 from scaraspec.cli.vocabulary import PASSWORD_SOURCE
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.tables.files import utc_text
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
+
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -42,6 +48,38 @@ class Duration(click.ParamType[float]):
             return parse_duration(value) / SECOND_NS
         except QuantityError as error:
             self.fail(UserMessage("{error}.", error=error), param, ctx)
+
+    def to_text(self, value: float) -> str:
+        """Return the text of a value."""
+        return f"{value:g}s"
+
+
+class Instant(click.ParamType[int]):
+    """A time such as ``2026-11-21T08:15:30.5`` (UTC) or Unix seconds; its value is in ns."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Convert the text to nanoseconds since the Unix epoch."""
+        if isinstance(value, int):
+            return value
+        try:
+            return int(Decimal(value) * SECOND_NS)
+        except (InvalidOperation, ValueError, OverflowError):
+            pass
+        try:
+            instant = datetime.fromisoformat(value)
+            since = instant.replace(tzinfo=instant.tzinfo or UTC) - _EPOCH
+            return since // timedelta(microseconds=1) * 1000
+        except (ValueError, OverflowError):
+            message = UserMessage(
+                "{text!r} is not a time: write 2026-11-21T08:15:30.5, or Unix seconds.", text=value
+            )
+            self.fail(message, param, ctx)
+
+    def to_text(self, value: int) -> str:
+        """Return the text of a value."""
+        return utc_text(value)
 
 
 class Percentage(click.ParamType[float]):
@@ -111,8 +149,54 @@ def given_options(
                 yield option.opts[-1]
         elif (given and value is not None) or name in always:
             for each in value if option.multiple else (value,):
-                text = f"{each:g}s" if isinstance(option.type, Duration) else f"{each}"
-                yield from (option.opts[-1], text)
+                to_text = getattr(option.type, "to_text", str)
+                yield from (option.opts[-1], to_text(each))
+
+
+class CommandNames(click.ParamType[frozenset[str]]):
+    """Names of commands, separated by commas; undefined opcodes as ``0x13``."""
+
+    name = "list"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> frozenset[str]:
+        """Convert the text to the set of names."""
+        if isinstance(value, frozenset):
+            return value
+        names = frozenset(value.split(","))
+        for name in sorted(names - BY_NAME.keys()):
+            if not name.startswith("0x"):
+                message = UserMessage(
+                    "{name!r} is not a command: see scaraspec call --help.", name=name
+                )
+                self.fail(message, param, ctx)
+        return names
+
+    def to_text(self, value: frozenset[str]) -> str:
+        """Return the text of a value."""
+        return ",".join(sorted(value))
+
+
+def selection_options(command: F) -> F:
+    """Add the options that select a part of a capture."""
+    for option in (
+        click.option(
+            "--command",
+            "commands",
+            type=CommandNames(),
+            default=frozenset(),
+            metavar="LIST",
+            help="Only these commands: run_program,get_status.",
+        ),
+        click.option("--connection", help="Only this connection."),
+        click.option("--until", type=Instant(), help="Only before this time."),
+        click.option(
+            "--since", type=Instant(), help="Only from this time on: 2026-11-21T08:15 (UTC)."
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 capture_port: Final = click.option(

@@ -3,9 +3,12 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Final
 
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
+
+_NO_CONTENT: Final = (b"", b"[]")
 
 
 class Problem(Exception):  # noqa: N818 - it is a message for the user
@@ -29,6 +32,32 @@ def no_such_mutant(mutant_id: str, known: Iterable[str], role: str) -> Problem:
             listed=listed,
         )
     )
+
+
+def require_replaceable(path: Path | None, mark: str) -> None:
+    """Require that a report overwrites nothing but an earlier report, or a file without content.
+
+    Args:
+        path: The file to write; None to write none.
+        mark: Text that every report of this kind contains.
+
+    Raises:
+        Problem: The path is another file, a folder or a device.
+    """
+    if path is None or not path.exists():
+        return
+    try:
+        earlier = path.read_bytes() if path.is_file() else b"no file"
+    except OSError as error:
+        raise Problem(
+            UserMessage("{path} cannot be read: {reason}", path=path, reason=error.strerror)
+        ) from None
+    if mark.encode() not in earlier and earlier.strip() not in _NO_CONTENT:
+        raise Problem(
+            UserMessage(
+                "{path} exists and is no earlier report of this kind: name another file", path=path
+            )
+        )
 
 
 def make_folder(path: Path) -> None:

@@ -1,5 +1,7 @@
 """Progress bar: counts what a command has done, on a terminal only."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich import progress as bars
@@ -49,3 +51,29 @@ class ProgressBar(bars.Progress):
     def set_fields(self, **fields: Any) -> None:
         """Show other fields in the last column."""
         self.update(self._only_task, **fields)
+
+
+@contextmanager
+def shown_share(
+    text: str, unit: str = "", *, hidden: bool = False
+) -> Iterator[Callable[[int, int], None]]:
+    """Show on a terminal how much of a known amount is done, and how long the rest takes.
+
+    Args:
+        text: What is done.
+        unit: What is counted; empty to show only the share.
+        hidden: Show nothing on a terminal, either.
+
+    Yields:
+        The function that takes what is done and the amount.
+    """
+    console = Console(stderr=True)
+    disabled = hidden or not console.is_terminal
+    counted = (bars.MofNCompleteColumn(), bars.TextColumn(unit)) if unit else ()
+    columns = (
+        *(bars.TextColumn(text), bars.BarColumn(), bars.TaskProgressColumn(), *counted),
+        *(bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn("left")),
+    )
+    with bars.Progress(*columns, console=console, transient=True, disable=disabled) as bar:
+        task = bar.add_task(text, total=None)
+        yield lambda done, amount: bar.update(task, completed=done, total=amount)

@@ -5,6 +5,7 @@ This module handles arguments and output. `config` checks the configuration, `re
 
 import asyncio
 import contextlib
+import os
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
 from scaraspec.transports.url import (
+    Serial,
     UrlError,
     join_host_port,
     parse,
@@ -38,6 +40,8 @@ from scaraspec_recorder.config import (
     read_robot,
 )
 from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, LineDisplay
+from scaraspec_recorder.monitoring.health import health_problems
+from scaraspec_recorder.monitoring.service_manager import ALIVE, READY, STOPPING, notify
 from scaraspec_recorder.monitoring.status import Status, StatusReader
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.recordings.triggers import SIGNAL
@@ -62,18 +66,27 @@ _GROUPS: Final = {
         "keep",
         "min_free",
         "file_mode",
+        "durable",
+        "no_rrd",
         "redact",
         "timestamps",
         "trigger",
+        "on_trigger",
+        "protect",
     ),
-    "Watching": ("live", "metrics"),
+    "Watching": ("live", "metrics", "check"),
 }
-_OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one robot
+_OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong to one robot
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@click.option("--listen", metavar="HOST:PORT", help=f"Where clients connect [{_LISTEN}].")
+@click.option(
+    "--listen",
+    metavar="HOST:PORT",
+    multiple=True,
+    help=f"Where clients connect [{_LISTEN}]; repeatable.",
+)
 @click.option(
     "--mode",
     type=click.Choice(list(MODES)),
@@ -93,6 +106,8 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
+@click.option("--durable", is_flag=True, help="Lose 1 s at most if the power fails.")
+@click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
@@ -103,10 +118,11 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Mark the time in the log of the recording at code:12, refusal, finding:4.15/3,"
-    " finding:fail, silence:30s, late:500ms, malformed, disconnect or signal (SIGUSR1);"
+    help="Mark the time at a condition, such as refusal, late:500ms or gap, see docs/record.md;"
     " repeatable.",
 )
+@click.option("--on-trigger", metavar="CMD", help="Run a command, too; see docs/record.md.")
+@click.option("--protect", metavar="TIME", help="Keep files within 5m of a mark.")
 @click.option(
     "--live",
     is_flag=True,
@@ -115,6 +131,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 @click.option(
     "--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics, on this machine only."
 )
+@click.option("--check", metavar="DIR", help="Only check the recorder that writes into a folder.")
 @click.option("--inject", metavar="FILE", help="Inject the faults of a TOML file.")
 @click.option("--i-mean-it", is_flag=True, help="Inject even if other machines can connect.")
 def command(url: str | None, **options: Any) -> None:
@@ -124,6 +141,9 @@ def command(url: str | None, **options: Any) -> None:
     or --min-free it writes several files, named by time and robot; the default is then one file an
     hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
     """
+    if options["check"]:
+        _check(Path(options["check"]))
+        return
     try:
         robots = _robots(url, options)
         for robot in robots:
@@ -135,6 +155,20 @@ def command(url: str | None, **options: Any) -> None:
     except (ConfigError, UrlError) as error:
         raise Problem(str(error)) from None
     _print_summary([watch.read_status() for watch in watches])
+
+
+def _check(out_dir: Path) -> None:
+    """Print whether the recorder of a folder records.
+
+    Raises:
+        SystemExit: It does not (exit status 3).
+    """
+    problems = health_problems(out_dir)
+    for problem in problems:
+        click.echo(problem)
+    if problems:
+        raise SystemExit(ExitStatus.INCONCLUSIVE)
+    click.echo(f"a recorder writes into {out_dir}")
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
@@ -197,17 +231,18 @@ async def _record(
         if stopped.is_set() and insists(number):
             whole.cancel()
         stopped.set()
+        notify(STOPPING)
 
-    asked: list[Recording] = []
+    with_signal: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
         for number in ending_signals():
             loop.add_signal_handler(number, end, number)
-        loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
-    showing = loop.create_task(_show(watches, stopped))
+        loop.add_signal_handler(signal.SIGUSR1, _ask, with_signal)
+    showing = loop.create_task(_show(watches, len(robots), stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for robot in robots:
-                group.create_task(_record_one(robot, viewer, watches, asked, stopped))
+                group.create_task(_record_one(robot, viewer, watches, with_signal, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -217,11 +252,11 @@ async def _record(
         await asyncio.gather(showing, return_exceptions=True)
 
 
-def _ask(asked: Sequence[Recording]) -> None:
+def _ask(with_signal: Sequence[Recording]) -> None:
     """Request a mark in each of these recordings."""
-    if not asked:
+    if not with_signal:
         click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
-    for recording in asked:
+    for recording in with_signal:
         try:
             recording.request_mark()
         except OSError as error:
@@ -232,7 +267,7 @@ async def _record_one(
     robot: RobotConfig,
     viewer: str | None,
     watches: list[StatusReader],
-    asked: list[Recording],
+    with_signal: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
     """Record one robot. Append the recording to `asked` if a signal marks it."""
@@ -240,24 +275,51 @@ async def _record_one(
         async with record(robot, viewer_url=viewer, drain_s=_DRAIN_S) as recording:
             watches.append(StatusReader(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
-                asked.append(recording)
-            where = robot.listen if "://" in robot.listen else join_host_port(*recording.address)
+                with_signal.append(recording)
+            where = " and ".join(
+                [text for text in robot.listen if "://" in text]
+                or [join_host_port(*address) for address in recording.addresses]
+            )
             click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
+            if missing := _missing(robot, recording):
+                click.echo(missing)
             await stopped.wait()
     except NotADirectoryError:
         raise Problem(
             UserMessage("{path} is not a folder: name another one with --out", path=robot.out)
         ) from None
     except OSError as error:
-        place = f"{robot.listen} to {robot.out}"
+        place = f"{' and '.join(robot.listen)} to {robot.out}"
         reason = (error.strerror or f"{error}").partition(" (while")[0]  # Python adds the address
         raise Problem(
             UserMessage("cannot record {place}: {reason}", place=place, reason=reason)
         ) from None
 
 
-async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None:
-    """Show the status of the recordings until cancelled."""
+def _missing(robot: RobotConfig, recording: Recording) -> str:
+    """Return what must happen before clients can be recorded; empty if nothing must."""
+    controller = parse(robot.url)
+    if (
+        isinstance(controller, Serial)
+        and os.name == "posix"
+        and not Path(controller.device).exists()
+    ):
+        return UserMessage(
+            "waiting for {device}, which does not exist: it is opened when a client connects",
+            device=controller.device,
+        )
+    if robot.mode is not Mode.EXPLICIT:
+        return UserMessage(
+            "waiting for clients that firewall rules redirect to port {port}: the rules are in "
+            "docs/transparent-proxy.md",
+            port=recording.address[1],
+        )
+    return ""
+
+
+async def _show(watches: Sequence[StatusReader], recordings: int, stopped: asyncio.Event) -> None:
+    """Show the status of the recordings until cancelled, and report it to a service manager."""
+    ready = False
     console = Console()
     display: Display = Dashboard(console) if console.is_terminal else LineDisplay(click.echo)
     period_s = _DASHBOARD_S if console.is_terminal else _LINES_S
@@ -265,6 +327,10 @@ async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None
         while True:
             statuses = [watch.read_status() for watch in watches]
             display.update(statuses, ending=stopped.is_set())
+            notify(ALIVE)
+            if not ready and len(watches) == recordings:
+                ready = True
+                notify(READY)
             await asyncio.sleep(period_s)
 
 
@@ -286,6 +352,10 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
             )
+            for reason, dropped_bytes in count.unforwarded_bytes.items():
+                click.echo(
+                    f"from the {way}: {dropped_bytes} bytes received and not forwarded: {reason}"
+                )
         files = ", ".join(progress.files) or "none"
         if progress.earlier_files:
             files = f"{progress.earlier_files} others, {files}"

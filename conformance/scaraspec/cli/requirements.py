@@ -4,6 +4,7 @@ import ast
 import json
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,11 +23,12 @@ from scaraspec.judge.requirements import (
     select,
 )
 from scaraspec.judge.rules import RULES
+from scaraspec.judge.rules.rule import Rule
 from scaraspec.judge.rules.undecided import UNDECIDED
 from scaraspec.mutants import client as client_mutants
 from scaraspec.mutants import controller as controller_mutants
 from scaraspec.register import Entry, register
-from scaraspec.suite.engine.collection import CASES, METHODS, collect
+from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.user_message import UserMessage
 
@@ -179,11 +181,7 @@ def _of_requirement(found: Requirement) -> dict[str, str | list[str]]:
         "lines of the document": str(found.where),
         "the document says": found.original,
         "register entries": list(found.register),
-        "rules": [
-            _location(rule.check.__code__.co_filename, rule.check.__code__.co_firstlineno)
-            for rule in RULES
-            if rule.requirement == found.id
-        ],
+        "rules": [_rule_location(rule) for rule in RULES if rule.requirement == found.id],
         "cases": list(_case_locations(found.id)),
         "mutants": list(_mutant_locations(found.id)),
     }
@@ -194,24 +192,26 @@ def _location(file: str, line: int) -> str:
     return f"{Path(file).relative_to(Path(__file__).parents[2])}:{line}"
 
 
+def _rule_location(rule: Rule) -> str:
+    """Return where the function of a rule is; several rules may share it, with other arguments."""
+    check = rule.check.func if isinstance(rule.check, partial) else rule.check
+    return _location(check.__code__.co_filename, check.__code__.co_firstlineno)
+
+
 def _case_locations(requirement_id: str) -> Iterator[str]:
-    for folder in CASES.values():
-        for file in sorted(folder.glob("test_*.py")):
-            for node in ast.parse(file.read_text("utf-8")).body:
-                if isinstance(node, ast.FunctionDef) and requirement_id in _judged_by(node):
-                    sentence = (ast.get_docstring(node) or "").partition("\n")[0]
-                    yield f"{_location(str(file), node.lineno)}: {sentence}"
+    for role, folder in CASES.items():
+        for case, file in cases_in(folder, role):
+            if requirement_id in case.requirements:
+                place = _location(str(file), _function_lines(file)[case.function])
+                yield f"{place}: {case.id}: {case.sentence}"
 
 
-def _judged_by(function: ast.FunctionDef) -> set[object]:
-    """Return the requirements that the decorator of a case names."""
-    return {
-        argument.value
-        for decorator in function.decorator_list
-        if isinstance(decorator, ast.Call)
-        for argument in decorator.args
-        if isinstance(argument, ast.Constant)
-    }
+@cache
+def _function_lines(file: Path) -> dict[str, int]:
+    functions = (
+        n for n in ast.parse(file.read_text("utf-8")).body if isinstance(n, ast.FunctionDef)
+    )
+    return {function.name: function.lineno for function in functions}
 
 
 def _mutant_locations(requirement_id: str) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Reading results and writing summaries, for the commands that compare results."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,7 +9,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.results.baseline import BaselineError
-from scaraspec.results.findings import OldResultsError
+from scaraspec.results.findings import OldResultsError, contradiction
 from scaraspec.results.waivers import WaiverError
 from scaraspec.user_message import UserMessage
 
@@ -17,9 +18,13 @@ def results_in(path: Path) -> Results:
     """Read results: a results.json, or the one in the folder of a run.
 
     Raises:
-        ResultsError: The file cannot be read as results.
+        ResultsError: The file cannot be read as results, or contradicts itself.
     """
-    return Results.read(path / "results.json" if path.is_dir() else path)
+    file = path / "results.json" if os.path.isdir(path) else path  # noqa: PTH112 - no OSError
+    results = Results.read(file)
+    if problem := contradiction(results):
+        raise ResultsError(UserMessage("{path} was altered: {problem}", path=file, problem=problem))
+    return results
 
 
 def append_summary(path: Path | None, text: str) -> None:
@@ -34,8 +39,12 @@ def append_summary(path: Path | None, text: str) -> None:
 
 
 @contextmanager
-def user_errors() -> Iterator[None]:
-    """Turn errors that a user can cause into one sentence."""
+def user_errors(*, worse: bool = False) -> Iterator[None]:
+    """Turn errors that a user can cause into one sentence.
+
+    Args:
+        worse: Exit status 1 is known already, also if a file cannot be written.
+    """
     try:
         yield
     except (ResultsError, BaselineError, WaiverError, OldResultsError) as error:
@@ -45,5 +54,5 @@ def user_errors() -> Iterator[None]:
             UserMessage(
                 "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
             ),
-            ExitStatus.INCONCLUSIVE,
+            ExitStatus.NONCONFORMANT if worse else ExitStatus.INCONCLUSIVE,
         ) from None

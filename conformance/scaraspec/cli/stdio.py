@@ -1,16 +1,19 @@
 """Standard streams and signals of a command.
 
 A command continues if the reader of its output closes the pipe or the terminal, and its exit status
-is the same. If output cannot be written for another reason, such as a full disk, the exit status is
-not 0. SIGTERM and SIGHUP end a command as Ctrl-C does.
+is the same. A stream that was closed at the start is handled alike. If output cannot be written for
+another reason, such as a full disk, the exit status is not 0. SIGTERM and SIGHUP end a command as
+Ctrl-C does.
 """
 
 import errno
 import io
+import os
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
@@ -22,6 +25,9 @@ from scaraspec.operating_system import ending_signals
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
+_DEFAULTS: Final = (signal.SIG_DFL, signal.default_int_handler)
+"""Handlers of a signal that no command has replaced; the second is that of `scaraspec.cli.main`."""
+
 _READER_GONE: Final = frozenset({errno.EPIPE, errno.EIO})
 """Errors of a pipe whose reader is gone, and of a closed terminal."""
 
@@ -32,7 +38,11 @@ def ending_alike() -> Iterator[None]:
 
     A command that handles signals itself installs its own handlers later.
     """
-    taken = [number for number in ending_signals() if signal.getsignal(number) is signal.SIG_DFL]
+    taken = [
+        number
+        for number in ending_signals()
+        if number is not signal.SIGINT and signal.getsignal(number) in _DEFAULTS
+    ]
     for number in taken:
         signal.signal(number, _as_ctrl_c)
     try:
@@ -61,6 +71,7 @@ def outliving_readers() -> Iterator[None]:
         SystemExit: The command has ended. The status is 3 instead of 0 if output was lost, for
             example on a full disk.
     """
+    _open_closed_streams()
     files = [_replace(name) for name in ("stdout", "stderr")]
     try:
         yield
@@ -71,6 +82,25 @@ def outliving_readers() -> Iterator[None]:
             click.echo(f"scaraspec: the output cannot be written: {error}", err=True)
             raise SystemExit(ExitStatus.INCONCLUSIVE) from None
         raise
+
+
+def _open_closed_streams() -> None:
+    """Open the null device for standard streams that were closed at the start.
+
+    Otherwise the next file that is opened would get the descriptor of the stream.
+    """
+    for descriptor, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            try:
+                os.fstat(descriptor)
+            except OSError:
+                null = os.open(os.devnull, os.O_RDWR)
+                if null != descriptor:
+                    os.dup2(null, descriptor)
+                    os.close(null)
+            stream = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115 - for the process
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
 
 
 def _replace(name: str) -> "_Lenient | None":

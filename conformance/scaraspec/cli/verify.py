@@ -12,7 +12,7 @@ from scaraspec.api.certificates import (
 )
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec verify robot.scaraspec.zip --signer laboratory.pub"
@@ -58,43 +58,45 @@ def _write(path: Path, verification: Verification) -> None:
     try:
         write_certificate(verification, path)
     except PackageError as error:
-        click.echo(visible(f"{error}"))
+        click.echo(visible_line(f"{error}"))
     except OSError as error:
         raise Problem(
             UserMessage("{path} cannot be written: {reason}", path=path, reason=error.strerror),
             ExitStatus.INCONCLUSIVE,
         ) from None
     else:
-        click.echo(visible(UserMessage("{path}: written", path=path)))
+        click.echo(visible_line(UserMessage("{path}: written", path=path)))
 
 
 def show(package: Path, verification: Verification) -> None:
     """Print one line for each check, its problems, and the conclusion."""
     for check in verification.checks:
-        click.echo(visible(f"{check.name:11} {_mark(check.status)}  {check.note}").rstrip())
+        mark = _mark(check.status, genuine=verification.genuine)
+        click.echo(visible_line(f"{check.name:11} {mark}  {check.note}").rstrip())
         for problem in check.problems:
-            click.echo(visible(f"  {problem}"))
-    click.echo(visible(_conclusion(package, verification)))
+            click.echo(visible_line(f"  {problem}"))
+    click.echo(visible_line(_conclusion(package, verification)))
 
 
-def _mark(status: ExitStatus) -> str:
+def _mark(status: ExitStatus, *, genuine: bool) -> str:
+    """Return the result of a check. In a genuine package only the conclusion can fail."""
     if status is ExitStatus.CONFORMANT:
         return "ok"
-    return "undecided" if status is ExitStatus.INCONCLUSIVE else "REFUSED"
+    if status is ExitStatus.INCONCLUSIVE:
+        return "undecided"
+    return "FAILED" if genuine else "REFUSED"
 
 
 def _conclusion(package: Path, verification: Verification) -> str:
-    if verification.exit_status is ExitStatus.NONCONFORMANT:
-        return UserMessage("{package}: refused", package=package)
-    if verification.exit_status is ExitStatus.INCONCLUSIVE:
-        return UserMessage("{package}: it cannot be decided", package=package)
     results = verification.results
-    assert results is not None, "without results the package is refused"
+    if not verification.genuine or results is None:
+        if verification.exit_status is ExitStatus.NONCONFORMANT:
+            return UserMessage("{package}: refused", package=package)
+        return UserMessage("{package}: it cannot be decided", package=package)
     return UserMessage(
-        "{package}: verified, {signed}: {title} {version}: {label}",
+        "{package}: verified, {signed}: {subject}: {label}",
         package=package,
         signed=verification.signed,
-        title=results.subject.title,
-        version=results.subject.version,
+        subject=f"{results.subject.title} {results.subject.version}".rstrip(),
         label=results.label,
     )

@@ -8,8 +8,6 @@ import sys
 import tempfile
 import time
 from contextlib import suppress
-from datetime import UTC, datetime
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +15,7 @@ import click
 import numpy as np
 
 from scaraspec.api.viewer import has_viewer
-from scaraspec.cli.options import capture_port
+from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
@@ -32,7 +30,6 @@ from scaraspec_recorder.sources.capture import McapCapture, open_capture
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
 
 _RRD_MAGIC: Final = b"RRF2"
-_NS: Final = 10**9
 _OPENING_S: Final = 60.0
 _AGAIN_S: Final = 0.2
 
@@ -42,17 +39,17 @@ _AGAIN_S: Final = 0.2
 @capture_port
 @click.option(
     "--at",
-    metavar="TIME",
+    "at_ns",
+    type=Instant(),
     help="Move the cursor to this time: 2026-11-21T08:15:30.5 (UTC) or Unix seconds.",
 )
-def command(file: Path, port: int | None, at: str | None) -> None:
+def command(file: Path, port: int | None, at_ns: int | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
     A missing .rrd is written first: for an intact recording beside it, for other captures into a
     temporary file. FILE is never changed. A recording in progress is shown as far as it has been
     written. The command ends when the viewer is closed. Exit status 3 if FILE is incomplete.
     """
-    at_ns = _instant_ns(at) if at else None
     if not has_viewer():
         raise Problem(NO_VIEWER)
     with tempfile.TemporaryDirectory(prefix="scaraspec-") as scratch:
@@ -69,26 +66,6 @@ def command(file: Path, port: int | None, at: str | None) -> None:
         _show(drawn, at_ns)
     if not whole:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
-
-
-def _instant_ns(text: str) -> int:
-    """Return nanoseconds since the Unix epoch for a time of a report or a log.
-
-    Raises:
-        Problem: The text is not a time.
-    """
-    try:
-        return int(Decimal(text) * _NS)
-    except (InvalidOperation, ValueError, OverflowError):
-        pass
-    try:
-        instant = datetime.fromisoformat(text)
-    except ValueError:
-        message = UserMessage(
-            "--at {text!r} is not a time: write 2026-11-21T08:15:30.5, or Unix seconds", text=text
-        )
-        raise Problem(message) from None
-    return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * _NS)
 
 
 def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:

@@ -200,6 +200,8 @@ class AsyncClient(ClientBase):
         """After a change of the core: send its bytes, set the timer, wake the waiting tasks."""
         if self._transport is not None:
             self._transport.write(self._core.bytes_to_send())
+            if self._core.must_close:
+                self._transport.close()
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -25,7 +25,7 @@ from scaraspec.client.transfer import FileTransfer
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S, connect
 from scaraspec.transports.link import Ending, Link, LinkError
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 
 T = TypeVar("T")
 
@@ -86,8 +86,8 @@ class Client(ClientBase):
         dialect: Dialect = DEFAULT,
         connect_timeout_s: float = CONNECT_TIMEOUT_S,
     ) -> None:
-        network = not isinstance(link, str) or isinstance(parse(link), Tcp)
-        super().__init__(ClientCore(dialect, login_required=network))
+        needs_login = not isinstance(link, str) or parse(link).needs_login
+        super().__init__(ClientCore(dialect, login_required=needs_login))
         self._url = link if isinstance(link, str) else None
         self._open_link = None if isinstance(link, str) else link
         self._password = password
@@ -220,6 +220,9 @@ class Client(ClientBase):
             self._core.feed(arrival.content, now_s)
             self._core.tick(now_s)  # received bytes do not extend a timeout
         self._flush()
+        if self._core.must_close and not self._closed:
+            self._closed = True
+            self._link.close()
 
     def _flush(self) -> None:
         data = self._core.bytes_to_send()

@@ -5,7 +5,7 @@ the pending operation that expects it, and expires operations after their timeou
 `pending_operation` and `transfer` interpret the frames; `blocking` and `aio` do the I/O.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
@@ -65,6 +65,11 @@ class ClientCore:
     bytes that arrived later. So bytes that wait in a socket while the caller is busy never count as
     late, and received bytes do not extend a timeout.
 
+    Replies have no number (A-3-14). A reply that is missing at the timeout is owed: if it comes
+    later, it is ignored, and does not answer the next request of the same command. If that request
+    times out, too, it is unknown which of them was answered, and the link ends. A reply to an
+    emergency stop is never owed: any of them shows that the robot is stopped.
+
     Args:
         dialect: The readings for sending. Received frames may follow any tolerated reading.
         login_required: Whether a login must succeed before any other command (2/10). True for
@@ -75,6 +80,7 @@ class ClientCore:
         logged_in: Whether commands may be sent.
         observed_readings: Every reading that the controller's frames show, with its options.
         remarks: The latest deviations from the document, one sentence each.
+        must_close: Whether the caller must close the link, because replies cannot be assigned.
     """
 
     def __init__(self, dialect: Dialect = DEFAULT, *, login_required: bool = True) -> None:
@@ -88,6 +94,9 @@ class ClientCore:
         self._lost_reason: str | None = None
         self._expected_link_end = ""
         self._last_received_s = 0.0
+        self.must_close = False
+        self._owed: Counter[str] = Counter()  # replies that did not come in time, by command
+        self._ambiguous: set[str] = set()  # a reply was ignored while a request waited for one
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         """Create the operation of a command; `begin` sends it.
@@ -168,9 +177,28 @@ class ClientCore:
             events += self._process_items(self._framer.finish(), now_s)
         for operation in tuple(self._open):
             if operation.deadline_s is not None and now_s >= operation.deadline_s:
+                awaited = operation.awaited_command
                 self._send(operation.expire(now_s))
                 events += self._after_step(operation, now_s)
+                if operation.settled and operation.error:
+                    events += self._after_missing_reply(awaited, now_s)
         return events
+
+    def _after_missing_reply(self, name: str, now_s: float) -> list[Event]:
+        """Note that a reply is owed; end the link if it is unknown which one."""
+        if name in self._ambiguous:
+            self.must_close = True
+            return self.connection_lost(
+                UserMessage(
+                    "replies to {command} came late, and it is unknown which request they answer: "
+                    "connect again",
+                    command=name,
+                ),
+                now_s,
+            )
+        if name not in ("", _STOP):
+            self._owed[name] += 1
+        return []
 
     def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         """Fail all pending operations, because the link has ended for `reason`."""
@@ -226,15 +254,31 @@ class ClientCore:
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         """Pass a frame to the first operation that expects it."""
         parsed = parse_frame(frame)
+        if parsed is not None and self._is_owed(parsed):
+            return [UnexpectedFrame(frame)]
         if parsed is not None:
             for operation in self._open:
                 if operation.expects(frame, parsed):
+                    self._ambiguous.discard(operation.awaited_command)
                     self._record_readings(frame, parsed)
                     self._send(operation.take(parsed, frame.data, now_s))
                     return [FrameAccepted(operation, frame), *self._after_step(operation, now_s)]
             self._refuse_stray_chunk(parsed)
         self.remarks.append(UserMessage("this frame was not expected: {frame}", frame=frame))
         return [UnexpectedFrame(frame)]
+
+    def _is_owed(self, parsed: Parsed) -> bool:
+        """Whether a frame is a late reply, which is then ignored."""
+        name = parsed.command.name
+        if parsed.part != "reply" or not self._owed[name]:
+            return False
+        self._owed[name] -= 1
+        self.remarks.append(
+            UserMessage("a reply to {command} came after the timeout and was ignored", command=name)
+        )
+        if any(operation.awaited_command == name for operation in self._open):
+            self._ambiguous.add(name)
+        return True
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         """Reply ``0`` to a chunk outside a transfer: each chunk gets one reply (5.3/5).

@@ -10,6 +10,16 @@ import tempfile
 from pathlib import Path
 
 
+def check_regular(path: Path) -> None:
+    """Check that a path is no FIFO or device, which may have no end.
+
+    Raises:
+        OSError: It is one.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "this is no regular file", str(path))
+
+
 def check_new(path: Path) -> None:
     """Check, before a download starts, that the file can be created.
 
@@ -30,10 +40,13 @@ def write_new(path: Path, content: bytes) -> None:
     """
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(handle)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(handle)
+        except OSError as error:  # a full disk; the error names no file
+            raise OSError(error.errno, error.strerror, str(path)) from None
         try:
             os.link(temporary, path)  # unlike a rename, it never replaces a file
         except FileExistsError:

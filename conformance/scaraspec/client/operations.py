@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.local_files import check_new, write_new
+from scaraspec.client.local_files import check_new, check_regular, write_new
 from scaraspec.client.pending_operation import PendingOperation, Progress
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.protocol.commands import (
@@ -402,11 +402,12 @@ class Operations(ABC):
             progress: Callback after each chunk. An exception that it raises aborts the upload.
 
         Raises:
-            OSError: The file cannot be read. Nothing was sent.
+            OSError: The file cannot be read, or is no regular file. Nothing was sent.
             TransferFailed: The upload failed. The document leaves open whether a part of the file
                 remains on the controller (A-5-12).
         """
         path = Path(local)
+        check_regular(path)
         return self._upload(path.name if remote is None else remote, path.read_bytes(), progress)
 
     @operation

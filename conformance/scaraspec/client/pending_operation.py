@@ -76,6 +76,11 @@ class PendingOperation:
         return self.stage is not Stage.SETTLED
 
     @property
+    def awaited_command(self) -> str:
+        """The command whose reply is still due after a timeout; empty if none is."""
+        return self.command.name if self.stage is Stage.REQUESTED else ""
+
+    @property
     def settled(self) -> bool:
         """Whether the operation has ended."""
         return self.stage is Stage.SETTLED
@@ -168,6 +173,19 @@ class PendingOperation:
 
 class Login(PendingOperation):
     """The login (4.1): any reply other than ``1`` is a failure (4.1/8)."""
+
+    def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - nothing is repeated
+        """Fail: a controller with one place does not serve a second client (A-2-2)."""
+        self.fail(
+            ReplyTimeout(
+                UserMessage(
+                    "login got no reply within {timeout_s:g} s: another client may be connected, "
+                    "and this controller may serve only one",
+                    timeout_s=self._dialect.seconds("reply_timeout"),
+                )
+            )
+        )
+        return []
 
     def fail(self, error: ClientError) -> None:
         """End the login; a refusal or an invalid reply becomes `LoginFailed`."""

@@ -4,7 +4,8 @@ It is derived from the command table: which arguments an operation takes, how th
 a command line, and how a result is formatted. No code here sends anything.
 """
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
 from pathlib import PurePath
@@ -27,6 +28,8 @@ from scaraspec.protocol.fields import (
 )
 from scaraspec.protocol.payloads import Jog
 from scaraspec.user_message import UserMessage
+
+_ESCAPE: Final = re.compile(rb"\\(?:x([0-9a-fA-F]{2})|\\)")
 
 TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {"upload": ("local", "[remote]"), "download": ("remote", "[local]")}
@@ -65,7 +68,11 @@ def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
             )
         )
     if name in TRANSFERS:
-        return list(texts)
+        remote = ["[remote]", "remote"]
+        return [
+            parse_name(text) if parameter in remote else text
+            for parameter, text in zip(names, texts, strict=False)
+        ]
     request = BY_NAME[name].request
     if isinstance(request, Jog):
         return [parse_direction(text) for text in texts]
@@ -73,7 +80,9 @@ def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
 
 
 def _parse(field: Field, text: str) -> Any:
-    if isinstance(field, Name | Text):
+    if isinstance(field, Name):
+        return parse_name(text)
+    if isinstance(field, Text):
         return text
     if isinstance(field, Clock) and not text.isdigit():
         try:
@@ -85,6 +94,44 @@ def _parse(field: Field, text: str) -> Any:
     if diagnostics.issues:
         raise PayloadError(diagnostics.issues[0].text)
     return value
+
+
+def name_text(name: str) -> str:
+    r"""Return a name as printable text from which `parse_name` makes the same bytes.
+
+    Bytes that are not UTF-8, and unprintable characters, become ``\xNN``; a backslash is doubled.
+    So different names are never shown alike (A-T-2).
+
+    Args:
+        name: The name as the client returns it, with surrogate escapes.
+    """
+    return "".join(
+        char.replace("\\", "\\\\") if char.isprintable() else _escaped(char) for char in name
+    )
+
+
+def _escaped(char: str) -> str:
+    return "".join(f"\\x{byte:02x}" for byte in char.encode("utf-8", "surrogateescape"))
+
+
+def parse_name(text: str) -> bytes:
+    r"""Return the bytes of a name that `name_text` or the user has written.
+
+    ``\xNN`` is a byte, and ``\\`` a backslash. Any other backslash is itself.
+    """
+    data = text.encode("utf-8", "surrogateescape")
+    return _ESCAPE.sub(lambda found: bytes.fromhex(found[1].decode()) if found[1] else b"\\", data)
+
+
+def _other_encoding(name: str) -> str:
+    """Return how a name reads in GB18030 if it is not UTF-8; empty if it is."""
+    data = name.encode("utf-8", "surrogateescape")
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        text = show(data)
+        return f"  (GB18030: {text})" if "\\x" not in text else ""
+    return ""
 
 
 def format_result(name: str, result: Any) -> list[str]:
@@ -113,23 +160,29 @@ def format_result(name: str, result: Any) -> list[str]:
 def _plain(value: Any) -> str:
     if isinstance(value, float):
         return repr(value).removesuffix(".0")
-    return show(str(value).encode("utf-8", "surrogateescape"), limit=255)
+    text = str(value)
+    return f"{name_text(text)}{_other_encoding(text)}"
 
 
-def to_json(value: Any) -> Any:
-    """Convert a result to JSON types. Undecodable bytes in names become surrogate escapes."""
+def to_json(value: Any, text: Callable[[str], str] = str) -> Any:
+    """Convert a result to JSON types.
+
+    Args:
+        value: The result.
+        text: Converts strings, which have surrogate escapes for bytes that are not UTF-8.
+    """
     match value:
         case tuple() if hasattr(value, "_asdict"):
-            return {key: to_json(item) for key, item in value._asdict().items()}
+            return {key: to_json(item, text) for key, item in value._asdict().items()}
         case tuple():
-            return [to_json(item) for item in value]
+            return [to_json(item, text) for item in value]
         case Enum():
             return value.name.lower()
         case datetime():
             return value.isoformat()
         case PurePath():
             return str(value)
-    return value
+    return text(value) if isinstance(value, str) else value
 
 
 def error_to_json(error: Exception) -> dict[str, Any]:

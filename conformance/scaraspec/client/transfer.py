@@ -54,6 +54,11 @@ class FileTransfer(PendingOperation):
         return "transfer"
 
     @property
+    def awaited_command(self) -> str:
+        """None: after the timeout the transfer has ended for both sides, and no reply is due."""
+        return ""
+
+    @property
     def has_progress(self) -> bool:
         """Whether bytes were transferred since the last report."""
         return self.moved_bytes > self._reported_bytes
@@ -88,6 +93,12 @@ class FileTransfer(PendingOperation):
         self._start_timeout("xfer_timeout", now_s)
         if self.deadline_s is not None:
             self.deadline_s += _TIMEOUT_MARGIN_S
+
+    @property
+    def _likely_reading(self) -> tuple[str]:
+        """Why the first chunk of a transfer fails most often; empty after it."""
+        other = "little" if self._dialect["endian"] == "big" else "big"
+        return (f"; the reading of the controller may be endian={other}" * (not self.moved_bytes),)
 
     def _fail_transfer(self, reason: str) -> None:
         self.fail(TransferFailed(self._description, reason))
@@ -131,9 +142,12 @@ class Upload(FileTransfer):
             self._fail_transfer(
                 "the controller refused the name; the file may exist already (L748)"
                 if self.stage is Stage.REQUESTED
-                else UserMessage(
-                    "the controller refused the chunk at byte {position} (L758)",
-                    position=self.moved_bytes,
+                else UserMessage.joined(
+                    UserMessage(
+                        "the controller refused the chunk at byte {position} (L758)",
+                        position=self.moved_bytes,
+                    ),
+                    *self._likely_reading,
                 )
             )
         except ClientError as error:
@@ -213,7 +227,7 @@ class Download(FileTransfer):
         if receiver.state is TransferState.DONE:
             self.settle(receiver.content)
         elif receiver.state is TransferState.FAILED:
-            self._fail_transfer(receiver.reason)
+            self._fail_transfer(UserMessage.joined(receiver.reason, *self._likely_reading))
         if accepted is None:
             return []
         return [chunk_reply(accepted=accepted, dialect=self._dialect)]

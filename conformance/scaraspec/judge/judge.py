@@ -32,7 +32,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import FrameSeen, TrafficEvent, Transfer
+from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
@@ -49,6 +49,7 @@ _CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
 """Matches the second address in the note of a connection's first event."""
 
 _UNCERTAIN: Final = "a gap in the recording or a fault injected on purpose may be why"
+_AMBIGUOUS: Final = "its reply may answer another request, which timed out"
 
 
 _Checks = tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
@@ -170,6 +171,9 @@ class Judge:
     def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
         """Apply every rule for this traffic event; yield the findings other than passes."""
         self.dialect_seen.add(traffic_event)
+        if not self.scope.selection.includes(traffic_event):
+            robot.remember(traffic_event)
+            return
         if isinstance(traffic_event, FrameSeen):
             results = self._judge_frame(traffic_event.frame)
         else:
@@ -251,7 +255,9 @@ def _finding(requirement: str, judged: RuleResult, traffic_event: TrafficEvent) 
     """
     verdict, message, reading = judged.verdict, judged.message, judged.reading
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
-        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_UNCERTAIN}"
+        ambiguous = isinstance(traffic_event, Exchange) and traffic_event.ambiguous
+        reason = _AMBIGUOUS if ambiguous else _UNCERTAIN
+        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {reason}"
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
         verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
     return Finding(

@@ -12,6 +12,8 @@ from scaraspec.judge.requirements import REQUIREMENTS, Binds
 from scaraspec.judge.rules.rule import sender_of
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.events import Exchange, TrafficEvent
+from scaraspec.traffic.selection import EVERYTHING as ALL_TRAFFIC
+from scaraspec.traffic.selection import Selection
 
 _SIDES: Final = {Binds.CLIENT: A2C, Binds.CONTROLLER: C2A}
 
@@ -25,14 +27,20 @@ class Scope:
         undecidable: The requirements that the judge cannot decide for this subject.
         unsupported: The commands that the controller does not support. Their exchanges say nothing
             about the controller, except that a reply refutes the claim.
+        only: The requirements that are judged; None for all.
+        selection: The traffic that is judged. The judge omits findings about other traffic.
     """
 
     side: Direction | None = None
     undecidable: frozenset[str] = frozenset()
     unsupported: frozenset[str] = frozenset()
+    only: frozenset[str] | None = None
+    selection: Selection = ALL_TRAFFIC
 
     def binds(self, requirement: str) -> bool:
-        """Return whether a requirement binds the subject."""
+        """Return whether a requirement is judged and binds the subject."""
+        if self.only is not None and requirement not in self.only:
+            return False
         return self.side in (None, _SIDES.get(REQUIREMENTS[requirement].binds, self.side))
 
     def concerns(self, requirement: str, event: TrafficEvent) -> bool:
@@ -40,7 +48,9 @@ class Scope:
         return self.side is None or responsible_side(requirement, event) in (None, self.side)
 
     def includes(self, requirement: str, event: TrafficEvent) -> bool:
-        """Return whether a finding about this event counts."""
+        """Return whether a finding about this event counts, if the event is selected."""
+        if self.only is not None and requirement not in self.only:
+            return False
         if requirement in self.undecidable or not self.concerns(requirement, event):
             return False
         unsupported = isinstance(event, Exchange) and event.name in self.unsupported

@@ -133,11 +133,11 @@ def prove_client(
         fault: The mutant; None for the unmodified client.
         dialect: The readings of the client; if given, the ICS claims all readings.
     """
-    spoken = dialect or Dialect.parse(fault.reading if fault else ())
+    used = dialect or Dialect.parse(fault.reading if fault else ())
     ics = Ics(
         name=fault.name if fault else "reference client",
-        dialect=spoken,
-        claimed=frozenset(READINGS if dialect else spoken.differences()),
+        dialect=used,
+        claimed=frozenset(READINGS if dialect else used.differences()),
     )
-    with closing(MemoryClient(fault.wrong if fault else AsyncClient, spoken)) as access:
+    with closing(MemoryClient(fault.wrong if fault else AsyncClient, used)) as access:
         return Run(ClientAdapter(access, ics, options, link="memory")).results()

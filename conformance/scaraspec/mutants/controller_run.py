@@ -173,12 +173,12 @@ def prove_controller(
         fault: The mutant; None for the unmodified controller.
         dialect: The readings of the controller; if given, the ICS claims all readings.
     """
-    spoken = dialect or Dialect.parse(fault.reading if fault else ())
-    robot = Robot(fault.wrong if fault else ControllerCore, spoken)
+    used = dialect or Dialect.parse(fault.reading if fault else ())
+    robot = Robot(fault.wrong if fault else ControllerCore, used)
     ics = Ics(
         name=fault.name if fault else "virtual controller",
-        dialect=spoken,
-        claimed=frozenset(READINGS if dialect else spoken.differences()),
+        dialect=used,
+        claimed=frozenset(READINGS if dialect else used.differences()),
         hooks=hooks_of(robot),
     )
     return certified(robot, ics, options)
@@ -220,6 +220,6 @@ def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
         name: _RobotHook(lambda values, line=line: robot.handle(line.format(**values)))  # type: ignore[misc] # mypy knows no defaults of a lambda
         for name, line in _LINES.items()
     }
-    anew = _RobotHook(lambda _: robot.restart())
+    restart_hook = _RobotHook(lambda _: robot.restart())
     reset = _RobotHook(lambda _: robot.set_password(PASSWORD))
-    return {**lines, "restart": anew, "power_cut": anew, "factory_reset": reset}
+    return {**lines, "restart": restart_hook, "power_cut": restart_hook, "factory_reset": reset}

@@ -174,7 +174,7 @@ def recorded_runs(role: Role, options: Options = _EVERYTHING) -> dict[str, dict[
         By case id: the waits in seconds, the steps, their number, the number of values, and of a
         case that asks an operator the number of requests.
     """
-    asked = dict[str, int]()
+    requests = dict[str, int]()
     steps = StepRecorder()
     if role is Role.CONTROLLER:
         robot = Robot(ControllerCore, DEFAULT)
@@ -187,18 +187,18 @@ def recorded_runs(role: Role, options: Options = _EVERYTHING) -> dict[str, dict[
             forget=steps.forget,
         )
         results = _run(adapter, steps)
-        asked = _asked(options)
+        requests = _operator_requests(options)
     else:
         with closing(MemoryClient(AsyncClient, DEFAULT)) as access:
             client = ClientAdapter(access, Ics(), options)
             results = _run(client, steps)
     return {
-        case.id: _recorded(case, steps.steps[case.id], asked.get(case.id, 0))
+        case.id: _recorded(case, steps.steps[case.id], requests.get(case.id, 0))
         for case in results.cases
     }
 
 
-def _asked(options: Options) -> dict[str, int]:
+def _operator_requests(options: Options) -> dict[str, int]:
     """Return how many requests each case makes to an operator if the ICS defines no hook."""
     attended = frozenset(case.id for case in collect(options) if case.attended)
     robot = Robot(ControllerCore, DEFAULT)
@@ -216,14 +216,14 @@ def _run(adapter: RoleAdapter[Any], steps: StepRecorder) -> Results:
     ).results()
 
 
-def _recorded(case: Case, steps: Sequence[str], asked: int) -> dict[str, Any]:
+def _recorded(case: Case, steps: Sequence[str], requests: int) -> dict[str, Any]:
     own = _without_control(steps)
     return {
         "waits_s": round(case.duration_s, 2),
         "steps": compressed(own),
         "count": len(own),
         "examples": case.examples,
-        **({"asked": asked} if asked else {}),
+        **({"asked": requests} if requests else {}),
     }
 
 

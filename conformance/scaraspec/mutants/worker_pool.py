@@ -23,7 +23,9 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -> Generator[R]:
+def in_processes(
+    work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int
+) -> Generator[R]:
     """Run `work` in several processes and yield the results in the order of the arguments.
 
     A caller that does not read all results must close the generator. All workers are replaced

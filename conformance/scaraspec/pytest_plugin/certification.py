@@ -30,7 +30,7 @@ from scaraspec.pytest_plugin.settings import PREFIX, Given, read, usage_errors
 from scaraspec.report import terminal
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Results, Role
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.suite.engine.case import MARK, case_of, is_case
 from scaraspec.suite.engine.case_collector import CaseCollector
 from scaraspec.suite.engine.collection import CASES, forget_cases
@@ -342,7 +342,7 @@ class Restoration(pytest.Item):
     def runtest(self) -> None:
         """End the run; something that is left makes it inconclusive."""
         if left := self._certification.end():
-            pytest.skip("; ".join(map(visible, left)))
+            pytest.skip("; ".join(map(visible_line, left)))
 
     def reportinfo(self) -> tuple[Path, None, str]:
         """Return how pytest names this test."""
@@ -363,10 +363,10 @@ def reported(
     if outcome.verdict in _FAILED:
         seen = (("expected", outcome.expected), ("observed", outcome.observed))
         lines = (outcome.message, *(f"{name}: {value}" for name, value in seen if value))
-        decisive.outcome, decisive.longrepr = "failed", visible("\n".join(lines))
+        decisive.outcome, decisive.longrepr = "failed", "\n".join(map(visible_line, lines))
     elif outcome.verdict in _SKIPPED:
         decisive.outcome = "skipped"
-        decisive.longrepr = (f"{item.path}", 0, f"Skipped: {visible(outcome.message)}")
+        decisive.longrepr = (f"{item.path}", 0, f"Skipped: {visible_line(outcome.message)}")
     else:
         decisive.outcome, decisive.longrepr = "passed", None
     return reports

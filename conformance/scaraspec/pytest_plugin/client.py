@@ -4,7 +4,7 @@ import pytest
 
 from scaraspec.client import Client
 from scaraspec.pytest_plugin.settings import PREFIX, read
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 
 
 def connect(config: pytest.Config) -> Client:
@@ -16,5 +16,5 @@ def connect(config: pytest.Config) -> Client:
     given = read(config)
     if not given.url:
         raise pytest.UsageError(f"no controller: name it with {PREFIX}subject URL")
-    password = given.settings.password if isinstance(parse(given.url), Tcp) else None
+    password = given.settings.password if parse(given.url).needs_login else None
     return Client(given.url, password=password, dialect=given.statement.dialect)

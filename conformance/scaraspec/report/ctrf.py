@@ -18,6 +18,9 @@ from scaraspec.report.ordering import cases_for_machines
 SPEC_VERSION: Final = "0.0.0"
 """The version of the specification, which is a draft."""
 
+MARK: Final = '"generatedBy": "scaraspec"'
+"""What every file contains."""
+
 _STATUSES: Final = {
     Verdict.NONE: "skipped",
     Verdict.PASS: "passed",

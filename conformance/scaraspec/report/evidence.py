@@ -78,12 +78,12 @@ class EvidenceCollector:
         self._findings[finding.requirement] += 1
         if self._findings[finding.requirement] > _FINDINGS_PER_REQUIREMENT:
             return
-        wanted = set(finding.evidence) - self._stored.keys()
+        needed = set(finding.evidence) - self._stored.keys()
         for seen in chain(self._last, reversed(self._recent)):
-            if not wanted:
+            if not needed:
                 return
-            if seen.place in wanted:
-                wanted.remove(seen.place)
+            if seen.place in needed:
+                needed.remove(seen.place)
                 self._stored[seen.place] = evidence_of(seen)
 
 

@@ -45,6 +45,7 @@ class Histogram:
             count=self._count,
             min_ms=_ms(self._min_ns),
             p50_ms=_ms(self._quantile_ns(0.50)),
+            p95_ms=_ms(self._quantile_ns(0.95)),
             p99_ms=_ms(self._quantile_ns(0.99)),
             max_ms=_ms(self._max_ns),
             bins=tuple(

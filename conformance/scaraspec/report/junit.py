@@ -18,6 +18,9 @@ from scaraspec.report.model import Case, Results
 from scaraspec.report.ordering import cases_for_machines
 from scaraspec.report.sanitizing import visible
 
+MARK: Final = '<testsuites name="scaraspec '
+"""What every file contains."""
+
 _OUTCOMES: Final = {
     Verdict.FAIL: "failure",
     Verdict.ERROR: "error",

@@ -243,6 +243,7 @@ class Timing:
         max_ms: The maximum, exact.
         bins: A histogram: the start and the count of each non-empty bin. There are four bins per
             factor of two; the first one starts at 0.001 and includes smaller values.
+        p95_ms: The 95th percentile, within 2.2 %; None in results that were written without it.
     """
 
     count: int
@@ -251,6 +252,7 @@ class Timing:
     p99_ms: float
     max_ms: float
     bins: tuple[tuple[float, int], ...]
+    p95_ms: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

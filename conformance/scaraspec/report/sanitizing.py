@@ -18,12 +18,22 @@ _UNSEEN: Final = re.compile(
     f"\ud800-\udfff\ufdd0-\ufdef\U000e0000-\U000e0fff{_NO_CHARACTERS}]"
 )
 
+_COMMANDS: Final = re.compile(r"\n|(?<=#)#(?=\w*\[)")
+
 
 def visible(text: str) -> str:
     """Return the text with invisible characters replaced by their code points; cut if too long."""
     if len(text) > _LONGEST:
         text = f"{text[:_LONGEST]}… (+{len(text) - _LONGEST})"
     return _UNSEEN.sub(_code, text)
+
+
+def visible_line(text: str) -> str:
+    """Return visible text in one line, in which no CI system finds a command such as ``##[error]``.
+
+    CI systems read commands in the output of a job: some at the start of a line, some anywhere.
+    """
+    return _COMMANDS.sub(_code, visible(text))
 
 
 def _code(found: re.Match[str]) -> str:

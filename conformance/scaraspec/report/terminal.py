@@ -5,7 +5,7 @@ from the SUT is sanitized: none of its control characters reaches the terminal.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from rich.console import Console
@@ -16,7 +16,7 @@ from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report.model import Case, Results
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
 from scaraspec.report.root_causes import SummaryLine, summary
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 
 _STYLES: Final = {
     "conformant": "bold green",
@@ -30,6 +30,15 @@ _STYLES: Final = {
     "error": "bold red",
     "none": "dim",
 }
+
+_RANKS: Final = {
+    Conclusion.NONCONFORMANT: 0,
+    Conclusion.INCONCLUSIVE: 1,
+    Conclusion.NOTHING_TESTED: 2,
+    Conclusion.NO_VIOLATION: 3,
+    Conclusion.CONFORMANT: 4,
+}
+"""The order of captures in a summary."""
 
 DEFAULT_FINDINGS: Final = 10
 _MAX_REASONS: Final = 8
@@ -50,9 +59,44 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         _draw(results, shown, console)
     else:
         for line in _lines(results, shown):
-            console.print(_text(line), soft_wrap=True)
+            console.print(Text(visible_line(line)), soft_wrap=True)
     if hidden:
         console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
+
+
+def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: Console) -> None:
+    """Print the verdicts of several captures, the gravest first.
+
+    Args:
+        captures: For each capture its name, its results, and why it was not judged.
+        console: The output.
+    """
+    rows = sorted((_capture_row(*each) for each in captures), key=lambda row: (row[0], row[2]))
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in ("verdict", "capture", "cases", "finding"):
+        table.add_column(heading, overflow="fold")
+    for _, verdict, *texts in rows:
+        if console.is_terminal:
+            style = _STYLES.get(verdict.replace(" ", "-"), "bold magenta")
+            table.add_row(_text(verdict, style), *map(_text, texts))
+        else:
+            line = " · ".join(filter(None, (verdict, *texts)))
+            console.print(Text(visible_line(line)), soft_wrap=True)
+    if console.is_terminal:
+        console.print(table)
+    counts = Counter(verdict for _, verdict, *_ in rows)
+    total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    console.print(_text(f"{len(rows)} captures: {total}"), soft_wrap=True)
+
+
+def _capture_row(name: str, results: Results | None, error: str) -> tuple[int, str, str, str, str]:
+    """Return the rank of a capture, its verdict, its name, its counts and its first finding."""
+    if results is None:
+        return _RANKS[Conclusion.INCONCLUSIVE], "not judged", name, "", error
+    lines = summary(results)
+    first = f"{_which(lines[0])}: {_what(lines[0].case)}" if lines else ""
+    verdict = results.verdict
+    return _RANKS[verdict], verdict.value.replace("-", " "), name, _counts(results), first
 
 
 def _text(text: str, style: str = "") -> Text:

@@ -1,9 +1,10 @@
 """Output of a comparison: plain lines, and Markdown."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from scaraspec.report.model import Case, Timing
 from scaraspec.results.comparison import Change, Comparison
+from scaraspec.results.dialogue_comparison import CaptureComparison
 from scaraspec.results.markdown import escaped, table
 
 
@@ -18,7 +19,11 @@ def lines(comparison: Comparison) -> Iterator[str]:
 
 def markdown(comparison: Comparison) -> str:
     """Return the comparison as Markdown."""
-    differences = [f"- {escaped(line)}" for line in _differences(comparison)]
+    return _page(comparison, _differences(comparison))
+
+
+def _page(comparison: Comparison, differing: Iterable[str]) -> str:
+    differences = [f"- {escaped(line)}" for line in differing]
     parts = [
         "### scaraspec: comparison",
         "\n".join(f"- {escaped(title)}" for title in _titles(comparison)),
@@ -27,6 +32,32 @@ def markdown(comparison: Comparison) -> str:
     if rows := list(_latencies(comparison)):
         parts.append(table(("command", "latency before", "latency after"), rows))
     return "\n\n".join(parts) + "\n"
+
+
+def capture_lines(comparison: CaptureComparison) -> Iterator[str]:
+    """Yield the comparison of two captures as plain lines."""
+    yield from _titles(comparison.judged)
+    yield from _capture_differences(comparison)
+    yield "the behaviour differs" if comparison.differs else "no difference"
+    for command, before, after in _latencies(comparison.judged):
+        yield f"latency · {command} · {before} -> {after}"
+
+
+def capture_markdown(comparison: CaptureComparison) -> str:
+    """Return the comparison of two captures as Markdown."""
+    return _page(comparison.judged, _capture_differences(comparison))
+
+
+def _capture_differences(comparison: CaptureComparison) -> Iterator[str]:
+    dialogue, judged = comparison.dialogue, comparison.judged
+    yield from _changes("answered differently", dialogue.outcomes)
+    yield from _changes("request", dialogue.actions)
+    yield from _changes("replies", dialogue.replies)
+    yield from _failures("new failure", judged.new)
+    yield from _failures("gone failure", judged.gone)
+    for before, after in judged.changed:
+        yield f"changed failure · {after.id} · {before.message} -> {after.message}"
+    yield from _changes("reading", judged.readings)
 
 
 def _titles(comparison: Comparison) -> Iterator[str]:

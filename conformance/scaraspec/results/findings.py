@@ -1,10 +1,11 @@
 """Findings of results: which are failures, which place they have, and which values are stable."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
-from scaraspec.judge.verdicts import Reason, Verdict
+from scaraspec.judge.verdicts import Conclusion, Reason, Verdict
 from scaraspec.report.model import SEEN, Case, Results
 from scaraspec.user_message import UserMessage
 
@@ -21,6 +22,19 @@ _VOLATILE: Final = re.compile(
 
 class OldResultsError(ValueError):
     """Results that a version without fingerprints has written."""
+
+
+def contradiction(results: Results) -> str:
+    """Return what in results cannot be true; empty if nothing is known."""
+    ids = Counter(case.id for case in results.cases)
+    if doubled := [case_id for case_id, count in ids.items() if count > 1]:
+        return UserMessage("case {case} occurs more than once", case=doubled[0])
+    counts = Counter(case.verdict for case in results.cases)
+    if counts != Counter(results.counts):
+        return "the numbers of verdicts are not those of the cases"
+    if (results.verdict is Conclusion.NONCONFORMANT) != bool(counts[Verdict.FAIL]):
+        return "the verdict does not follow from the cases"
+    return ""
 
 
 def failures(results: Results) -> tuple[Case, ...]:

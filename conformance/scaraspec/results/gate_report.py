@@ -15,6 +15,9 @@ from scaraspec.results.gate import GateProblem, GateResult
 from scaraspec.results.markdown import escaped, table
 from scaraspec.user_message import UserMessage
 
+CODE_QUALITY_MARK: Final = '"path": "scaraspec'
+"""What a code quality report contains unless it is empty."""
+
 _TITLES: Final = {
     ExitStatus.CONFORMANT: "passed",
     ExitStatus.NONCONFORMANT: "failed",
@@ -22,7 +25,8 @@ _TITLES: Final = {
     ExitStatus.NOTHING_TESTED: "nothing was tested",
 }
 _SHOWN_PROBLEMS: Final = 50
-_ESCAPED: Final = {"%": "%25", "\r": "%0D", "\n": "%0A", ":": "%3A", ",": "%2C"}
+_ESCAPED: Final = {"%": "%25", "\n": "%0A"}
+_ESCAPED_IN_VALUE: Final = {":": "%3A", ",": "%2C"}
 
 
 def title_of(result: GateResult) -> str:
@@ -43,7 +47,7 @@ def lines(result: GateResult) -> Iterator[str]:
         yield f"{case.verdict.value} · {case.id} · {case.message}"
     if result.not_run:
         yield UserMessage(
-            "inconclusive · --fail-fast · {count} cases did not run", count=result.not_run
+            "inconclusive · --fail-fast · cases that did not run: {count}", count=result.not_run
         )
     for case_id, why in result.accepted.items():
         yield f"accepted · {case_id} · {why}"
@@ -76,10 +80,10 @@ def annotations(result: GateResult) -> Iterator[str]:
     """Yield the problems as workflow commands, which GitHub shows as annotations."""
     for problem in result.problems:
         title = _command_value(f"scaraspec: {problem.kind.title} {problem.id}")
-        yield f"::error title={title}::{_command_value(problem.message)}"
+        yield f"::error title={title}::{_command_text(problem.message)}"
     for case in result.undecided:
         title = _command_value(f"scaraspec: {case.verdict.value} {case.id}")
-        yield f"::warning title={title}::{_command_value(case.message)}"
+        yield f"::warning title={title}::{_command_text(case.message)}"
 
 
 def code_quality(result: GateResult) -> str:
@@ -107,6 +111,14 @@ def _path(case: Case | None) -> str:
 
 
 def _command_value(text: str) -> str:
+    text = _command_text(text)
+    for character, code in _ESCAPED_IN_VALUE.items():
+        text = text.replace(character, code)
+    return text
+
+
+def _command_text(text: str) -> str:
+    text = visible(text)
     for character, code in _ESCAPED.items():
         text = text.replace(character, code)
-    return visible(text)
+    return text

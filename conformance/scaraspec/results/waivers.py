@@ -76,7 +76,7 @@ def read_waivers(path: Path) -> tuple[Waiver, ...]:
         raise WaiverError(
             UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also no UTF-8, and too large a number
         raise WaiverError(
             UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
         ) from None

@@ -4,7 +4,8 @@ Bytes become frames, and frames become exchanges and transfers. This module does
 they conform. Memory is bounded: finished events are returned and dropped.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Final
 
 from scaraspec.protocol.commands import BY_OPCODE
@@ -291,6 +292,7 @@ class Dialogue:
         if not late and not tagged:
             for exchange in waiting:
                 exchange.unmatched_reply = exchange.unmatched_reply or seen
+            _note_mismatches(waiting)
         certain = self._certain(seen) and not (tagged and self.robot.results_doubtful)
         elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
         return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
@@ -313,3 +315,11 @@ class Dialogue:
             self._pending_requests.expect_late_reply(
                 BY_OPCODE[head[0]].name
             )  # a lenient controller answers it
+
+
+def _note_mismatches(waiting: Sequence[Exchange]) -> None:
+    """Mark requests in a row of which each was followed only by another command's reply."""
+    for older, newer in pairwise(waiting):
+        followed = older.unmatched_reply
+        if followed and newer.unmatched_reply and followed.place.time_ns <= newer.time_ns:
+            older.mismatched = newer.mismatched = True

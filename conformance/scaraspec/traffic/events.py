@@ -148,9 +148,11 @@ class Exchange:
     """Invalid bytes in the place of the reply or of the final result."""
     unmatched_reply: FrameSeen | None = None
     """The first reply without a request that arrived while this exchange was unanswered."""
+    mismatched: bool = False
+    """It and the request before or after it were each followed only by another opcode's reply."""
     ending: Ending = Ending.OPEN
     certain: bool = True
-    """Whether no capture gap and no injected fault can have affected it."""
+    """Whether no capture gap, injected fault or other request can have affected it."""
 
     # Access; set by `Dialogue` when the request arrives.
     logged_in: bool | None = None
@@ -169,6 +171,10 @@ class Exchange:
     """A later request was answered while this one was unanswered."""
     overdue: bool = False
     """It was overtaken, and its own reply arrived after the reply timeout."""
+    requested_again: FrameSeen | None = None
+    """For a late reply: the request with the same opcode that followed the reply timeout."""
+    ambiguous: bool = False
+    """Its reply may answer an earlier or later request with its opcode."""
 
     # Execution; set by `PendingResults`.
     concurrent: tuple["Exchange", ...] = ()
@@ -180,6 +186,8 @@ class Exchange:
     """`RobotState.version` at the request."""
     idle_status: FrameSeen | None = None
     """The first status 00 that arrived while this two-stage command executed."""
+    lag_ns: int = 0
+    """For how long after its first reply a status 00 was requested that may be old (A-4.8-3)."""
     stop_requested: bool = False
     """An emergency stop was requested, or its client hung up, while it executed."""
     interrupted_by: "Exchange | None" = None
@@ -203,6 +211,10 @@ class Exchange:
 
     def __post_init__(self) -> None:
         self.name = self.request.name
+
+    def set_ambiguous(self) -> None:
+        """Note that its reply may answer another request: nothing certain follows from it."""
+        self.ambiguous, self.certain = True, False
 
     @property
     def request_value(self) -> Any:

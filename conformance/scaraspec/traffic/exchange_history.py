@@ -46,6 +46,8 @@ class ExchangeHistory:
         """The last accepted two-stage commands, the latest last."""
         self.deleted: OrderedDict[bytes, Exchange] = OrderedDict()
         """Confirmed deletions, by file name, until the name is uploaded again."""
+        self.uploaded_ns: OrderedDict[bytes, int] = OrderedDict()
+        """When an upload of a name was last requested."""
         self.passwords: set[bytes] = set()
         """The first two different passwords that were accepted since one was set; one is wrong."""
         self.all_closed_ns = -1
@@ -71,7 +73,8 @@ class ExchangeHistory:
         request, last = self.last_requests.get(name), self.last(name)
         if request is None or request.place.time_ns < since_ns:
             return False
-        return last is None or last.request is not request
+        answered = last is not None and last.request is request
+        return not answered and all(x.request is not request for x in self.accepted)
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """Yield the exchanges of a command that are within two times, oldest first."""
@@ -127,6 +130,9 @@ class ExchangeHistory:
         name, before = request.name, self.last_requests.get(request.name)
         if name == "upload_name":
             self.deleted.pop(request.text, None)
+            self.uploaded_ns[request.text] = request.place.time_ns
+            if len(self.uploaded_ns) > _MAX_NAMES:
+                self.uploaded_ns.popitem(last=False)
         elif name == "set_password" and before:
             answered = self.last(name)
             if answered is None or answered.request is not before:
@@ -151,7 +157,7 @@ class ExchangeHistory:
         elif x.name == "set_password":
             self.passwords = {x.request_value.new} if x.request_value else set()
         elif x.name == "delete_program":
-            self.deleted[x.request.text] = x
+            self.deleted.setdefault(x.request.text, x)
             if len(self.deleted) > _MAX_NAMES:
                 self.deleted.popitem(last=False)
 

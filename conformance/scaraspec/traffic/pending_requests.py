@@ -1,6 +1,8 @@
 """Pending requests: the requests of one connection without a first reply.
 
 Frames have no sequence number (A-3-14): a reply answers the oldest pending request with its opcode.
+If the client has given up this request and has sent another one with its opcode, the reply may also
+answer the newer request; see `PendingRequests.match`.
 This module also has the reply timeouts; the rules decide what a missing reply means.
 """
 
@@ -16,19 +18,21 @@ from scaraspec.traffic.events import Ending, Exchange, FrameSeen
 NS_PER_S: Final = 1_000_000_000
 _MAX_PENDING: Final = 256
 _CHUNKS: Final = ("upload_chunk", "download_chunk")
-_WORST_RANK: Final = (True, True, True, True)
+_WORST_RANK: Final = (True, True, True)
 """Above the rank of every request that a reply may answer."""
+_PROMPT_NS: Final = 200_000_000
+"""A reply within this time after a request answers it rather than one given up before."""
 
 
 @dataclass(eq=False, slots=True)
 class _PendingRequest:
-    """A pending request and its deadlines."""
+    """A pending request, its deadlines, and the request with its opcode that followed a timeout."""
 
     exchange: Exchange
     name: str
     due_ns: int
     drop_after_ns: int
-    repeated: bool = False
+    repeated_by: Exchange | None = None
 
 
 class PendingRequests:
@@ -39,10 +43,11 @@ class PendingRequests:
     """
 
     def __init__(self, dialect: Dialect) -> None:
-        self.reply_ns = int((dialect.seconds("reply_timeout") or 5) * NS_PER_S)
-        self._transfer_ns = int((dialect.seconds("xfer_timeout") or 30) * NS_PER_S)
+        self.reply_ns = int(float(dialect["reply_timeout"]) * NS_PER_S)
+        self._transfer_ns = int(float(dialect["xfer_timeout"]) * NS_PER_S)
         self._open: list[_PendingRequest] = []
         self._late_replies_expected: Counter[str] = Counter()
+        self._owed_until_ns: dict[str, int] = {}  # until then a late reply may come
 
     def sent_by(self, direction: Direction) -> tuple[Exchange, ...]:
         """Return the pending requests that one side sent."""
@@ -63,17 +68,27 @@ class PendingRequests:
                 yield self._drop(older, Ending.UNSEEN)  # it may not have been a request
             elif name in _CHUNKS and older.exchange.error_signal:
                 yield self._drop(older, Ending.UNANSWERED)  # no reply is needed (A-5-10)
-            elif older.exchange.time_ns + given_up_ns < time_ns:  # the next reply may answer either
-                older.repeated = True
+            elif older.exchange.time_ns + given_up_ns < time_ns:
+                older.repeated_by = exchange
+            elif older.exchange.ambiguous:  # the client has taken another reply for its own
+                yield self._drop(older, Ending.UNSEEN)
+                self._owed_until_ns[name] = time_ns + self.reply_ns
             elif older.exchange.request.frame.opcode == request.frame.opcode:
                 exchange.same_opcode_pending = True
         if len(self._open) >= _MAX_PENDING:
             yield self._drop(self._open[0], Ending.UNSEEN)
+        if time_ns < self._owed_until_ns.get(name, -1):
+            exchange.set_ambiguous()
         due_ns = time_ns + limit_ns
         self._open.append(_PendingRequest(exchange, name, due_ns, due_ns))
 
     def match(self, reply: FrameSeen) -> Exchange | None:
-        """Remove and return the request that this first reply answers."""
+        """Remove and return the request that this first reply answers.
+
+        A reply that comes when a request was given up and repeated answers the oldest of them,
+        unless it comes promptly after the newest. In both cases the answered exchange is ambiguous:
+        a missing reply and a late one look the same.
+        """
         opcode, name = reply.frame.opcode, reply.name
         best: _PendingRequest | None = None
         best_rank = _WORST_RANK
@@ -84,13 +99,30 @@ class PendingRequests:
             other_name, other_opcode = entry.name != name, request.frame.opcode != opcode
             if other_name and other_opcode:
                 continue
-            rank = (other_name, other_opcode, entry.repeated, entry.exchange.overtaken)
+            repeated = entry.repeated_by
+            later_fits = (
+                reply.begun_ns - repeated.time_ns < _PROMPT_NS
+                if repeated
+                else entry.exchange.overtaken
+            )
+            rank = (other_name, other_opcode, later_fits)
             if rank < best_rank:
                 best, best_rank = entry, rank
         if best is None:
             return None
         self._answer(best, reply.place.time_ns)
+        self._mark_ambiguous(best)
         return best.exchange
+
+    def _mark_ambiguous(self, answered: _PendingRequest) -> None:
+        """Mark an answered exchange whose reply may answer another request of its name."""
+        repeated = answered.repeated_by
+        if repeated:
+            answered.exchange.requested_again = repeated.request
+        for entry in self._open:
+            if entry.repeated_by is answered.exchange or entry.exchange is repeated:
+                answered.exchange.set_ambiguous()
+                entry.exchange.ambiguous = True
 
     def match_malformed(self, direction: Direction, opcode: int) -> Exchange | None:
         """Remove and return the request whose reply these invalid bytes should have been."""

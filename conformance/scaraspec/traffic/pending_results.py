@@ -64,10 +64,12 @@ class PendingResults:
         """
         for x in status.concurrent:
             age_ns = status.time_ns - x.reply.place.time_ns if x.reply else 0
-            may_be_old = age_ns < self._robot.status_lag_ns
-            if x.name == "release_joints" or x.stop_requested or x.idle_status or may_be_old:
+            if x.name == "release_joints" or x.stop_requested or x.idle_status:
                 continue
-            x.idle_status = status.reply
+            if age_ns >= self._robot.status_lag_ns:
+                x.idle_status = status.reply
+            elif status.request.place.connection == x.request.place.connection:
+                x.lag_ns = max(x.lag_ns, age_ns)
 
     def accept(self, exchange: Exchange) -> Iterator[Exchange]:
         """Process an accepted two-stage command; yield the commands that have ended for certain.

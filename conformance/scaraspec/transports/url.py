@@ -35,6 +35,16 @@ class Tcp(NamedTuple):
     host: str
     port: int = DEFAULT_PORT
 
+    @property
+    def needs_login(self) -> bool:
+        """Whether a client must log in (L83)."""
+        return True
+
+    @property
+    def detects_close(self) -> bool:
+        """Whether a controller notices the end of a connection."""
+        return True
+
     def __str__(self) -> str:
         return f"tcp://{join_host_port(*self)}"
 
@@ -45,6 +55,16 @@ class Serial(NamedTuple):
     device: str
     baud: int = DEFAULT_BAUD
 
+    @property
+    def needs_login(self) -> bool:
+        """See `Tcp.needs_login`."""
+        return False
+
+    @property
+    def detects_close(self) -> bool:
+        """See `Tcp.detects_close`."""
+        return False
+
     def __str__(self) -> str:
         return f"serial://{self.device}?baud={self.baud}"
 
@@ -54,6 +74,16 @@ class Rfcomm(NamedTuple):
 
     address: str
     channel: int = DEFAULT_CHANNEL
+
+    @property
+    def needs_login(self) -> bool:
+        """See `Tcp.needs_login`."""
+        return False
+
+    @property
+    def detects_close(self) -> bool:
+        """See `Tcp.detects_close`."""
+        return True
 
     def __str__(self) -> str:
         return f"rfcomm://{self.address}/{self.channel}"

@@ -1,4 +1,4 @@
-"""The examples of docs/python.md, run as a user runs them, in one folder and in their order."""
+"""The examples of docs/python.md, executed in one folder and in their order."""
 
 import re
 import subprocess
@@ -15,7 +15,7 @@ _TIMEOUT_S = 120
 
 @pytest.fixture
 def controller() -> Iterator[str]:
-    """A virtual controller in a process of its own; the address is HOST:PORT."""
+    """The address HOST:PORT of a virtual controller in another process."""
     command = [sys.executable, "-m", "scaraspec", "controller", "--listen", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -41,7 +41,7 @@ def test_examples(controller: str, tmp_path: Path) -> None:
         assert (ran.returncode, ran.stderr) == (0, ""), ran
         outputs.append(ran.stdout)
     certified, attended, *outputs = outputs
-    stated, specified, gated, verified, recorded, audited, replayed, proved = outputs
+    stated, specified, gated, verified, recorded, audited, read, replayed, proved = outputs
     assert certified.startswith("no-violation-found\n")
     assert "\n4.8/" in certified
     assert (tmp_path / "run-1/report.html").exists()
@@ -50,8 +50,10 @@ def test_examples(controller: str, tmp_path: Path) -> None:
     assert stated.startswith("() ('")
     assert specified.count("\n") == 3
     assert gated == "CONFORMANT\n"
-    assert verified == "plant-a.scaraspec.zip cannot be read: No such file or directory\n"
+    assert verified == "it cannot be read: No such file or directory\n"
     assert recorded.endswith("no-violation-found\n")
     assert audited.startswith("no-violation-found Only the controller is judged.")
-    assert "get_version answered -> answered" in replayed
+    assert "\nget_version  1.0.0 " in read
+    assert read.endswith("['file', 'number', 'connection']\n")
+    assert "get_version 1.0.0 -> 1.0.0" in replayed
     assert proved.startswith("{'faults': 1, 'killed': 1, ")

@@ -1,4 +1,4 @@
-"""The output folder of a certification, on a disk that is full."""
+"""The output folder of a certification on a full disk."""
 
 import errno
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.api.run_folder import RunFolder, RunFolderError
+from scaraspec.api.run_folder import RunFolder, RunFolderError, write_results
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report import html
 from scaraspec.report.model import Results, Role, Subject, Tool
@@ -24,8 +24,9 @@ RESULTS = Results(
 )
 
 
-def test_what_can_be_written_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A report that does not fit is one sentence; results.json and the others are there."""
+def test_other_reports_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence names the report that could not be written; results.json and the others are
+    written."""
 
     def fill(_results: Results, path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), f"{path}")
@@ -41,3 +42,14 @@ def test_what_can_be_written_is_written(tmp_path: Path, monkeypatch: pytest.Monk
     assert {"results.json", "junit.xml", "ctrf.json"} <= names
     assert not names & {"report.html", ".results.reserve"}
     assert Results.read(folder / "results.json") == RESULTS
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    """The file stays as it is."""
+    file = tmp_path / "out"
+    file.write_text("mine", "utf-8")
+    with pytest.raises(RunFolderError, match="is not a folder: name another one"):
+        RunFolder(file, Role.CONTROLLER, Ics())
+    with pytest.raises(RunFolderError, match="is not a folder: name another one"):
+        write_results(RESULTS, file)
+    assert file.read_text("utf-8") == "mine"

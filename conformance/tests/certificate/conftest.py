@@ -1,18 +1,16 @@
-"""A small certification, and the package of it."""
+"""A small certification and its package."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from certification import ICS, certification_of, certified, list_of_cases
+from certification import ICS, Verify, certification_of, certified, list_of_cases
 
 from scaraspec.api import certificates
 from scaraspec.api.certificates import write_package
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.cli.main import main
-
-Verify = Callable[..., tuple[int, str]]
+from scaraspec.report.model import Results
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +35,12 @@ def package(
     path = tmp_path_factory.mktemp("package") / "cell-7.scaraspec.zip"
     write_package(certification_of(path, small_list), run_folder, ICS)
     return path
+
+
+@pytest.fixture
+def results(run_folder: Path) -> Results:
+    """Return the results of the conformant certification."""
+    return Results.read(run_folder / "results.json")
 
 
 @pytest.fixture

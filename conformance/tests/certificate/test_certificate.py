@@ -1,14 +1,14 @@
-"""`scaraspec verify --certificate`: the page, which packages have one, and hostile text on it."""
+"""`scaraspec verify --certificate`: the page, the packages that have one, and hostile text on
+it."""
 
 import hashlib
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from certification import ICS, certification_of, certified
+from certification import ICS, Verify, certification_of, certified
 from wording import ROOT
 
 from scaraspec.api import verify_package
@@ -22,7 +22,6 @@ from scaraspec.report.files import write_new
 from scaraspec.report.translations import TRANSLATIONS, Language
 
 HOSTILE = "</dd><script>alert(1)</script>\u202e\x00"
-Verify = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +52,7 @@ class _Reader(HTMLParser):
 def test_test_report(
     verify: Verify, package: Path, small_list: MandatoryList, tmp_path: Path
 ) -> None:
-    """A result that is only without violation gives a test report, with everything on it."""
+    """The result "no violation found" gives a test report with all details."""
     page = tmp_path / "page.html"
     status, text = verify(package, "--certificate", page)
     assert (status, text.splitlines()[-1]) == (0, f"{page}: written")
@@ -82,7 +81,7 @@ def test_test_report(
 
 
 def test_conformant(certificate: Certificate) -> None:
-    """A certificate, in Chinese too, with what the device lacks and the signatory."""
+    """The certificate, also in Chinese, has the unsupported commands and the signatory."""
     results = certificate.results
     subject = replace(results.subject, claims={"lacks": "jog"})
     done = replace(results, verdict=Conclusion.CONFORMANT, subject=subject)
@@ -114,7 +113,7 @@ def test_nonconformant(verify: Verify, small_list: MandatoryList, tmp_path: Path
 
 
 def test_refused(verify: Verify, package: Path, small_list: MandatoryList, tmp_path: Path) -> None:
-    """A package that is refused has no page: here its signature is missing."""
+    """A package that is refused has no page; here its signature is missing."""
     page, key = tmp_path / "page.html", tmp_path / "key.pub"
     key.write_text("ssh-ed25519 AAAA")
     status, text = verify(package, "--signer", key, "--certificate", page)
@@ -129,7 +128,7 @@ def test_refused(verify: Verify, package: Path, small_list: MandatoryList, tmp_p
 
 
 def test_nothing_is_overwritten(verify: Verify, package: Path, tmp_path: Path) -> None:
-    """The command does not begin, and the function writes nothing."""
+    """The command ends with an error, and the function writes nothing."""
     page = tmp_path / "page.html"
     page.write_text("mine")
     assert verify(package, "--certificate", page) == (
@@ -177,7 +176,7 @@ def test_hostile_text(certificate: Certificate) -> None:
 
 
 def test_no_network(certificate: Certificate) -> None:
-    """The page loads nothing, and is laid out for A4."""
+    """The page loads no resources and has an A4 layout."""
     page = render(certificate)
     assert "default-src 'none'" in page
     assert "http" not in page.replace("http-equiv", "")
@@ -186,5 +185,5 @@ def test_no_network(certificate: Certificate) -> None:
 
 
 def test_the_document() -> None:
-    """The checksum of the document is that in its description."""
+    """The checksum of the document equals the one in its description."""
     assert DOCUMENT_SHA256 in (ROOT / "spec/README.md").read_text("utf-8")

@@ -1,4 +1,5 @@
-"""Decisions about contested cases: each is complete, and fits the document, register and lists."""
+"""Decisions about contested cases: they are complete and fit the document, the register and the
+lists."""
 
 import re
 import tomllib
@@ -17,7 +18,7 @@ each_decision = pytest.mark.parametrize("decision", ALL, ids=lambda each: ",".jo
 
 
 def test_keys() -> None:
-    """The file has exactly the documented keys, in the order of time."""
+    """Each decision has exactly the documented keys; the order is by date."""
     plain = tomllib.loads(decision_file().read_text("utf-8"))
     assert [set(each) for each in plain["decision"]] == [{f.name for f in fields(Decision)}] * len(
         ALL
@@ -27,7 +28,7 @@ def test_keys() -> None:
 
 @each_decision
 def test_values(decision: Decision) -> None:
-    """Nothing is empty, and the lines and register entries exist."""
+    """No value is empty, and the lines and register entries exist."""
     assert date.fromisoformat(decision.date)
     assert re.fullmatch(r"\d+\.\d+\.\d+", decision.version)
     assert decision.cases
@@ -44,7 +45,7 @@ def test_values(decision: Decision) -> None:
 
 @each_decision
 def test_consequence(decision: Decision) -> None:
-    """The list of mandatory cases has the consequence; the first list has no history."""
+    """The list of mandatory cases reflects the decision; the first list has no history."""
     lists = mandatory_lists(decision.role)
     (mandatory,) = [each for each in lists if each.id == decision.list]
     gone = decision.consequence is Consequence.WITHDRAWN

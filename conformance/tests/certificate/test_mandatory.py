@@ -1,4 +1,4 @@
-"""The lists of mandatory cases: they fit the collected cases, and keep their history."""
+"""The lists of mandatory cases fit the collected cases and keep their history."""
 
 import importlib.util
 from dataclasses import replace
@@ -34,20 +34,20 @@ def test_the_newest_list_fits_the_code(script: Any, role: Role) -> None:
 
 @ROLES
 def test_each_file_is_a_list(role: Role) -> None:
-    """The checksum is that of the file, and the name of the file is the id."""
+    """The checksum is that of the file, and the file name is the id."""
     for each in mandatory_lists(role):
         assert (list_folder() / f"{each.id}.json").read_text("utf-8") == each.to_json()
 
 
 def test_undefined_opcodes_are_optional() -> None:
-    """No mandatory case sends what may move a robot in an unknown way."""
+    """No mandatory case sends opcodes that may move a robot in an unknown way."""
     newest = mandatory_lists(Role.CONTROLLER)[-1]
     assert "3/21" in newest.optional_cases
     assert newest.cases.keys().isdisjoint(newest.optional_cases)
 
 
 def test_history(script: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A change gives a new list with the difference; a repaired case is named by the author."""
+    """A changed list contains the difference; the author names the repaired cases."""
     newest = mandatory_lists(Role.CONTROLLER)[-1]
     first, second, *_ = newest.cases
     cases = {"0/0": ("0/0",), **{k: v for k, v in newest.cases.items() if k != first}}

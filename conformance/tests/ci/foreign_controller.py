@@ -1,4 +1,4 @@
-"""A small controller that shares no code with scaraspec: it has the login and most queries."""
+"""A small controller that shares no code with scaraspec; it serves the login and most queries."""
 
 import socketserver
 import sys

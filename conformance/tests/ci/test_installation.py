@@ -13,14 +13,16 @@ from wording import ROOT
 
 from scaraspec.report.model import Results
 
+pytestmark = pytest.mark.runs
+
 _TIMEOUT_S = 120
 
 
 @pytest.fixture
 def job(tmp_path: Path) -> Job:
-    """A job whose package is the wheel, and whose environment the Jenkinsfile has made.
+    """A job that installs the wheel, with the environment of the Jenkinsfile.
 
-    The packages that scaraspec needs are those of the test's environment.
+    The dependencies of scaraspec are those of the test's environment.
     """
     pytest.importorskip("build", reason="the oldest dependencies are tested without it")
     build = (sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", tmp_path, ROOT)
@@ -43,7 +45,7 @@ def job(tmp_path: Path) -> Job:
 
 
 def test_docker_and_compose(job: Job) -> None:
-    """The image installs the wheel; the suite certifies the controller and is green."""
+    """The image installs the wheel; the suite certifies the controller and passes."""
     dockerfile = (TEMPLATES / "Dockerfile").read_text("utf-8")
     (command,) = re.findall(r"^RUN (.*)$", dockerfile, re.MULTILINE)
     job.run("sh", "-c", command)

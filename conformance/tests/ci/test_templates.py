@@ -1,4 +1,4 @@
-"""The CI templates pass on their inputs, and end with the status that the results demand."""
+"""The CI templates pass their inputs on, and end with the status of the results."""
 
 import os
 import re
@@ -61,7 +61,7 @@ SYSTEMS: Mapping[str, Run] = {
     "compose": _in_compose,
 }
 SINGLE = ("github", "gitlab", "jenkins")
-"""The systems whose job is one machine, with the same lines."""
+"""The systems whose job runs on one machine, with the same lines."""
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def job(tmp_path: Path) -> Job:
     ],
 )
 def test_exit_status(job: Job, system: str, statuses: str, expected: int) -> None:
-    """The gate decides about violations; a run without results is never green."""
+    """The gate decides about violations; a run without results never passes."""
     job.variables = {**job.variables, **dict(each.split("=") for each in statuses.split())}
     SYSTEMS[system](job, {})
     assert job.status == expected, job.log
@@ -105,7 +105,7 @@ def test_exit_status(job: Job, system: str, statuses: str, expected: int) -> Non
 
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_inputs_of_a_controller(job: Job, system: str) -> None:
-    """Each input reaches its option."""
+    """Each input sets its option."""
     given = {"url": "tcp://robot", "ics": "ics.toml", "allow": "state", "baseline": "b.json"}
     given |= {"waivers": "w.toml", "seed": "7", "options": "--only 4.7 --exhaustive"}
     SYSTEMS[system](job, given)
@@ -121,7 +121,7 @@ def test_inputs_of_a_controller(job: Job, system: str) -> None:
     ("system", "url"), [*((each, "127.0.0.1") for each in SINGLE), ("compose", "controller")]
 )
 def test_defaults(job: Job, system: str, url: str) -> None:
-    """Without inputs only queries are sent, and nothing is accepted."""
+    """Without inputs only queries are sent, and no failure is accepted."""
     SYSTEMS[system](job, {})
     certify, gate = _calls(job)
     assert certify == f"controller tcp://{url}:8877 --wait-for 60s --seed 0 --out scaraspec-out"
@@ -156,7 +156,7 @@ def test_seed(job: Job, run: Callable[..., None], scheduled: Mapping[str, Any], 
 
 
 def test_package_is_this_version() -> None:
-    """The templates install the version that they belong to."""
+    """The templates install the version of scaraspec that they belong to."""
     version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
     pages = (ROOT / "docs/tutorial-ci.md", ROOT / "docs/ci-templates.md")
     for file in (*TEMPLATES.iterdir(), *pages):
@@ -175,6 +175,16 @@ def test_templates_agree() -> None:
     inputs = {f"SCARASPEC_{name.upper()}" for name in yaml.safe_load(action)["inputs"]}
     assert inputs == set(yaml.safe_load(gitlab)[".scaraspec"]["variables"])
     assert inputs == set(re.findall(r"SCARASPEC_\w+", jenkins))
+
+
+def test_quotes_and_brackets_of_the_jenkinsfile() -> None:
+    """No tool reads Groovy here: each quote and bracket is closed, outside of comments."""
+    text = (TEMPLATES / "Jenkinsfile").read_text("utf-8")
+    left = re.sub(r"""'''.*?'''|'[^'\n]*'|"[^"\n]*"|//[^\n]*""", "", text, flags=re.DOTALL)
+    pair = r"\{[^{}()\[\]]*\}|\([^{}()\[\]]*\)|\[[^{}()\[\]]*\]"
+    while (shorter := re.sub(pair, "", left)) != left:
+        left = shorter
+    assert left.split() == ["pipeline"]
 
 
 def _common_lines(template: str) -> str:

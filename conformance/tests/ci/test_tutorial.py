@@ -1,4 +1,4 @@
-"""The tutorial makes a repository whose gate is red and then green, on several subjects.
+"""The tutorial creates a repository whose gate fails and then passes, with several subjects.
 
 The files and commands are read from the page. Pushes run the templates in clones of the repository.
 """
@@ -20,6 +20,8 @@ from wording import ROOT
 
 from scaraspec.report.model import Results, Role
 
+pytestmark = pytest.mark.runs
+
 PAGE = (ROOT / "docs/tutorial-ci.md").read_text("utf-8")
 _BLOCK = re.compile(r"^(?:`([^`]+)` .*\n(?:.+\n)*\n)?```(\w+)\n((?s:.*?))^```$", re.MULTILINE)
 _TIMEOUT_S = 120
@@ -33,11 +35,11 @@ if __name__ == "__main__":  # the process of the recorder imports this file
     main()
 """,
 }
-"""pip installs nothing, and scaraspec is as pip installs it: without the extra `view`."""
+"""A replacement of pip that installs nothing, and a scaraspec without the extra `view`."""
 
 
 class Block(NamedTuple):
-    """A fenced block; `name` is the file whose content it is."""
+    """A fenced block; `name` is the name of the file with this content."""
 
     name: str
     language: str
@@ -55,10 +57,8 @@ def blocks(section: str) -> Iterator[Block]:
 class Repository:
     """A clone of an empty repository, and the CI system of its origin.
 
-    Attributes:
-        folder: The clone.
-        port: Where the subject listens; it replaces 8877 in the page and in the templates.
-        variables: The environment of all commands.
+    Attributes: folder: The clone. port: The port of the subject; it replaces 8877 in the page and
+    in the templates. variables: The environment of all commands.
     """
 
     folder: Path
@@ -84,7 +84,7 @@ class Repository:
         (self.folder / name).write_text(text, "utf-8")
 
     def run(self, commands: str) -> str:
-        """Run commands; each must succeed, in a shell that ends at the first failure."""
+        """Run commands in a shell that ends at the first failure; each must succeed."""
         done = subprocess.run(
             ["bash", "-ec", commands],
             cwd=self.folder,
@@ -98,7 +98,7 @@ class Repository:
         return done.stdout
 
     def job(self) -> Job:
-        """Return a job in a new clone of what was pushed last."""
+        """Return a job in a new clone of the latest push."""
         self.pushes += 1
         folder = self.folder.parent / f"job-{self.pushes}"
         self.run(f"git clone --quiet --branch $(git branch --show-current) ../origin.git {folder}")
@@ -135,7 +135,7 @@ def repository(tmp_path: Path) -> Repository:
 
 
 def seed_of(job: Job) -> int:
-    """Return the seed in the results of a job; its reproduction commands have it, too."""
+    """Return the seed in the results of a job; check that its reproduction commands have it."""
     results = Results.read(job.folder / "scaraspec-out/results.json")
     assert results.run
     assert all(f"--seed {results.run.seed}" in case.replay for case in results.cases if case.replay)
@@ -143,7 +143,7 @@ def seed_of(job: Job) -> int:
 
 
 def test_github(repository: Repository) -> None:
-    """The whole page, with the virtual controller."""
+    """All steps of the page, with the virtual controller."""
 
     def job(event: str = "pull_request") -> Job:
         job = repository.job()
@@ -177,7 +177,7 @@ def test_github(repository: Repository) -> None:
 
 
 def test_foreign_controller_on_gitlab(repository: Repository) -> None:
-    """The version of a controller that is not ours becomes empty, and is corrected."""
+    """The version of a controller of another origin becomes empty, and is corrected."""
     firmware = Path(__file__).with_name("foreign_controller.py").read_text("utf-8")
     repository.follow("Describe the firmware")
     repository.write("firmware.py", firmware)
@@ -209,7 +209,7 @@ def test_foreign_controller_on_gitlab(repository: Repository) -> None:
 
 
 def test_client_on_jenkins(repository: Repository) -> None:
-    """The example driver in Python sends data with the request for the version, then no more."""
+    """The example driver in Python first sends data with the request for the version, then none."""
     driver = (ROOT / "fixtures/drivers/driver.py").read_text("utf-8")
     faulty = driver.replace("(0x08, decode", "(0x08, lambda _: b'?', decode")
     assert faulty != driver

@@ -1,4 +1,4 @@
-"""Processes as a user starts them, and an independent witness of what passes between sockets."""
+"""Processes as a user starts them, and an independent relay that records the bytes."""
 
 import os
 import re
@@ -21,19 +21,19 @@ Send = Callable[[bytes], None]
 
 
 class Witness:
-    """A relay of its own that keeps every byte: no code in common with the recorder."""
+    """A relay that keeps every byte and shares no code with the recorder."""
 
     def __init__(self, upstream: tuple[str, int]) -> None:
         self._upstream = upstream
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.address: tuple[str, int] = self._listener.getsockname()
         self.seen: list[tuple[bytearray, bytearray]] = []
-        """Per connection: what came from the client, what came from the controller."""
+        """Per connection: bytes from the client, bytes from the controller."""
         self._pumps: list[threading.Thread] = []
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
-        """Accept no more, and see the connections end."""
+        """Accept no more connections, and wait until the open ones end."""
         self._listener.close()
         for pump in self._pumps:
             pump.join(TIMEOUT_S)
@@ -61,16 +61,12 @@ def _pump(source: socket.socket, target: socket.socket, kept: bytearray) -> None
 
 
 class Relay:
-    """Passes everything on between processes and a controller.
+    """A relay between processes and a controller.
 
-    Args:
-        upstream: Where the controller listens.
-        watch: Makes, of what passes data on to the controller, what is called with it instead.
-
-    Attributes:
-        address: Where it listens.
-        arrived: Counts the connections that have come.
-        open: While this is not set, nothing passes on a connection that comes.
+    Args: upstream: The address of the controller. watch: Receives the function that forwards data
+    to the controller; returns a function that is called in its place. Attributes: address: The
+    address of the relay. arrived: Released once for each new connection. open: While this is not
+    set, nothing is forwarded on new connections.
     """
 
     def __init__(self, upstream: tuple[str, int], watch: Callable[[Send], Send]) -> None:
@@ -82,7 +78,6 @@ class Relay:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
-        """Accept no more."""
         self.open.set()
         self._listener.close()
 
@@ -112,10 +107,10 @@ class Relay:
 
 
 class Processes:
-    """Starts `scaraspec` and sees to it that nothing outlives the test.
+    """Starts `scaraspec` and ends all processes with the test.
 
-    Attributes:
-        viewer: Whether the extra ``view`` is found; importing it takes longer than a short run.
+    Attributes: viewer: Whether the extra ``view`` is found; importing it takes longer than a short
+    run.
     """
 
     def __init__(self) -> None:
@@ -123,13 +118,13 @@ class Processes:
         self.viewer = False
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run a command to its end."""
+        """Run a command until it ends."""
         process = self._start(*arguments, merged=False)
         out, error = process.communicate(TIMEOUT_S)
         return subprocess.CompletedProcess(arguments, process.wait(), out, error)
 
     def start(self, *arguments: str) -> WarmProcess:
-        """Start a command. Its errors are in its output."""
+        """Start a command. Its errors are in its output, too."""
         return self._start(*arguments, merged=True)
 
     def _start(self, *arguments: str, merged: bool) -> WarmProcess:
@@ -138,7 +133,7 @@ class Processes:
         return process
 
     def controller(self, *arguments: str) -> tuple[str, int]:
-        """Start the virtual controller and return where it listens."""
+        """Start the virtual controller and return its address."""
         process = self.start("controller", "--listen", "127.0.0.1:0", *arguments)
         return address_in(process)
 
@@ -151,7 +146,7 @@ class Processes:
 
 
 def address_in(process: WarmProcess | subprocess.Popen[str]) -> tuple[str, int]:
-    """The first address that a process names in its first line."""
+    """The first address in the first line of a process."""
     assert process.stdout
     line = process.stdout.readline()
     found = re.search(r"(127\.0\.0\.1):(\d+)", line)
@@ -160,8 +155,8 @@ def address_in(process: WarmProcess | subprocess.Popen[str]) -> tuple[str, int]:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _interruptible() -> None:
-    """Who runs tests in the background may have them ignore signals, and all that they start."""
+def restore_signals() -> None:
+    """Restore signals: a shell starts background processes with SIGINT ignored."""
     for number, usual in (
         (signal.SIGINT, signal.default_int_handler),
         (signal.SIGHUP, signal.SIG_DFL),
@@ -172,7 +167,7 @@ def _interruptible() -> None:
 
 @pytest.fixture
 def processes() -> Iterator[Processes]:
-    """A starter of processes."""
+    """Starts processes."""
     processes = Processes()
     yield processes
     processes.end()
@@ -180,7 +175,7 @@ def processes() -> Iterator[Processes]:
 
 @pytest.fixture
 def viewer(processes: Processes) -> None:
-    """Let the processes draw what they record."""
+    """Let the processes draw their recordings."""
     processes.viewer = True
 
 
@@ -188,15 +183,15 @@ def viewer(processes: Processes) -> None:
 def refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., str]:
-    """Gives `scaraspec` what it refuses, which takes no process of its own: the one sentence."""
+    """Run `scaraspec` in this process with arguments that it refuses; return its error message."""
 
     def run(*arguments: str) -> str:
         monkeypatch.setattr(sys, "argv", ["scaraspec", *arguments])
         with pytest.raises(SystemExit) as ended:
             main()
-        told = capsys.readouterr()
-        assert (ended.value.code, told.out, told.err.count("\n")) == (2, "", 1), told
-        return told.err
+        printed = capsys.readouterr()
+        assert (ended.value.code, printed.out, printed.err.count("\n")) == (2, "", 1), printed
+        return printed.err
 
     return run
 

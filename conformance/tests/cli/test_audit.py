@@ -39,12 +39,12 @@ BOTH_WRONG = """
     > get_status
     < get_status 0
 """
-"""A request with data that the command does not have, and two replies with one digit."""
+"""A request with data that its command does not have, and two replies with one digit."""
 
 
 @pytest.fixture
 def audit(tmp_path: Path) -> Callable[..., tuple[Result, Results]]:
-    """Audit a file with options; return what is printed, and the results."""
+    """Audit a file with options; return the output and the results."""
 
     def run(file: Path, *options: str) -> tuple[Result, Results]:
         json_file = tmp_path / "audit.json"
@@ -58,7 +58,7 @@ def audit(tmp_path: Path) -> Callable[..., tuple[Result, Results]]:
 
 @pytest.fixture
 def recorded(tmp_path: Path, script: Script) -> Callable[..., Path]:
-    """Record a session, with a description of it as in the file of a certification."""
+    """Record a session, with metadata as in the file of a certification."""
 
     def write(session: str, **description: str) -> Path:
         path = tmp_path / "capture.mcap"
@@ -73,7 +73,7 @@ def recorded(tmp_path: Path, script: Script) -> Callable[..., Path]:
 
 
 def failed(results: Results) -> set[str]:
-    """The requirements, or else the cases, that failed."""
+    """The requirements that failed, or the cases."""
     cases = [case for case in results.cases if case.verdict is Verdict.FAIL]
     return {(*case.requirements, case.id)[0] for case in cases}
 
@@ -100,8 +100,8 @@ def test_the_capture_of_a_conforming_controller(
     )
     assert done.returncode == 0, done.stdout + done.stderr
     capture = out / "capture.mcap"
-    said = read_mcap(capture).session
-    assert (said["subject"], said["subject.time_scale"]) == ("controller", "8")
+    reported = read_mcap(capture).session
+    assert (reported["subject"], reported["subject.time_scale"]) == ("controller", "8")
 
     done, results = audit(capture)
     assert done.exit_code == 0, done.output
@@ -170,7 +170,7 @@ def test_the_subject(
     violated: set[str],
     left_out: str,
 ) -> None:
-    """Only findings about it count; those about the other side are counted apart."""
+    """Only findings about the subject count; those about the other side are counted separately."""
     file = recorded(BOTH_WRONG)
     done, results = audit(file, "--subject", subject)
     assert failed(results) == violated
@@ -195,7 +195,7 @@ def test_the_subject_that_the_file_names(
     description: Mapping[str, str],
     conclusion: Conclusion,
 ) -> None:
-    """It is judged; without one, both sides are."""
+    """It is judged; without one, both sides are judged."""
     file = recorded("login\n> get_status\n< get_status 0", **description)
     done, results = audit(file)
     assert results.verdict is conclusion
@@ -205,7 +205,7 @@ def test_the_subject_that_the_file_names(
 def test_connections_that_are_not_judged(
     audit: Callable[..., tuple[Result, Results]], recorded: Callable[..., Path]
 ) -> None:
-    """What a run does not judge, the audit of its capture does not judge either."""
+    """The audit of a capture skips the connections that the run did not judge."""
     file = recorded(f"> open {UNJUDGED}" + BOTH_WRONG + "\n2> login password\n2< login 1")
     done, results = audit(file, "--subject", "controller")
     assert failed(results) == set()
@@ -255,7 +255,7 @@ def test_claims(  # noqa: PLR0913 - fixtures and parameters
 def test_unsupported_commands(
     audit: Callable[..., tuple[Result, Results]], recorded: Callable[..., Path], tmp_path: Path
 ) -> None:
-    """Those without a reply are not in scope; those without a request are named."""
+    """Those without a reply are not in scope; those without a request are listed."""
     claims = ics(tmp_path, "[subject]\nlacks = ['get_time', 'jog']\n")
     done, results = audit(recorded(UNANSWERED), "--subject", "controller", "--ics", claims)
     listed = {each.id.partition("/")[0] for each in results.requirements}
@@ -280,7 +280,7 @@ def test_claims_of_the_run_and_further_readings(
 
 
 @pytest.mark.parametrize(
-    ("description", "says"),
+    ("description", "expected_text"),
     [
         ({"subject": "robot"}, "'robot' is not a valid Role"),
         ({"subject__time_scale": "fast"}, "fast"),
@@ -293,17 +293,17 @@ def test_a_wrong_description(
     refused: Callable[..., str],
     recorded: Callable[..., Path],
     description: Mapping[str, str],
-    says: str,
+    expected_text: str,
 ) -> None:
-    """It is reported, with the file."""
+    """The error message names the file."""
     file = recorded("login", **description)
     message = refused("audit", f"{file}")
     assert f"{file} has an invalid description of its subject: " in message
-    assert says in message
+    assert expected_text in message
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected_text"),
     [("[subject]\nlacks = ['fly']\n", "fly"), ("[subject]\nurl = 'http://x'\n", "http://x")],
 )
 def test_a_wrong_ics(
@@ -311,7 +311,7 @@ def test_a_wrong_ics(
     recorded: Callable[..., Path],
     tmp_path: Path,
     text: str,
-    says: str,
+    expected_text: str,
 ) -> None:
-    """It is reported."""
-    assert says in refused("audit", f"{recorded('login')}", "--ics", ics(tmp_path, text))
+    """The mistakes are reported."""
+    assert expected_text in refused("audit", f"{recorded('login')}", "--ics", ics(tmp_path, text))

@@ -1,4 +1,4 @@
-"""`scaraspec cases`, called as a user calls it."""
+"""`scaraspec cases` on the command line."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from scaraspec.suite.engine.plan import Options
 
 
 def run(*arguments: str) -> Result:
-    """The command line with these arguments."""
+    """Run the command with these arguments."""
     return CliRunner().invoke(group, ["cases", *arguments])
 
 
 def test_one_case() -> None:
-    """One case is shown with everything that is known of it."""
+    """All details of one case are printed."""
     shown = run("4.15/2.fault")
     assert shown.exit_code == 0
     text = " ".join(shown.output.split())
@@ -36,7 +36,7 @@ def test_one_case() -> None:
 
 
 def test_decisions() -> None:
-    """The decisions about a case are shown with it."""
+    """The decisions about a case are printed with it."""
     text = " ".join(run("5.2/7", "--role", "client").output.split())
     assert "decision of 2026-11-26 repaired Does a client that polls send a chunk" in text
     assert "decision of" not in run("2/5", "--role", "client").output
@@ -53,8 +53,15 @@ def test_selection() -> None:
 
 
 def test_requirement_of_one_role() -> None:
-    """A requirement that can be tested on one role only selects the cases of that role."""
+    """A requirement that can be tested for one role only selects the cases of that role."""
     assert run("--only", "8/2").output.count("  controller;") > 1
+
+
+def test_id_of_a_requirement() -> None:
+    """The id of a requirement lists its cases, unless a case has the same id."""
+    assert run("4.17/3").output == run("--only", "4.17/3").output
+    assert "4.17/3.again  controller" in run("4.17/3").output
+    assert "test_2" in run("2/5", "--role", "client").output
 
 
 def test_specification(tmp_path: Path) -> None:
@@ -73,13 +80,14 @@ def test_specification(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["4.15/9x"], "there is no case '4.15/9x', did you mean"),
+        (["6.5/3"], "no case is selected: 6.5/3 cannot be tested"),
         (["4.15/7", "--only", "4.15"], "ID cannot be combined with --only"),
-        (["--only", "4.99"], "--only: "),
+        (["--only", "4.99"], "no case is selected: "),
         (["4.15/7", "--html", "/nowhere/page.html"], "/nowhere/page.html cannot be written"),
     ],
 )
 def test_mistakes(arguments: list[str], message: str) -> None:
-    """A mistake is one sentence."""
+    """Each error message is one sentence."""
     problem = run(*arguments).exception
     assert isinstance(problem, Problem)
     assert f"{problem}".startswith(message)

@@ -1,4 +1,4 @@
-"""`scaraspec certify controller` as a user runs it, against good, bad and hostile subjects."""
+"""`scaraspec certify controller` with good, bad and hostile subjects."""
 
 import itertools
 import os
@@ -31,7 +31,7 @@ ALL = ("--allow", "state,motion,destructive")
 
 @pytest.fixture
 def hostile() -> Iterator[Callable[[Callable[[socket.socket], None]], str]]:
-    """Make a server that treats every connection as the function given does; its URL."""
+    """Start a server that handles every connection with the given function; return its URL."""
     listeners = []
 
     def serve(listener: socket.socket, treat: Callable[[socket.socket], None]) -> None:
@@ -57,7 +57,7 @@ def hostile() -> Iterator[Callable[[Callable[[socket.socket], None]], str]]:
 
 @pytest.mark.usefixtures("viewer")
 def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
-    """Conformant, with every file that was promised, and the plan before it."""
+    """Conformant; all announced files are written, and the plan is printed first."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     done = processes.run(
@@ -80,7 +80,7 @@ def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
 
 
 def test_a_faulty_controller(processes: Any, tmp_path: Path) -> None:
-    """Nonconformant; the case says what was expected and observed, and how to see it again."""
+    """Nonconformant; the case states expected and observed, and the reproduction command."""
     host, port = processes.controller("--mutant", "status-of-one-digit")
     out = tmp_path / "out"
     done = processes.run(
@@ -97,7 +97,7 @@ def test_a_faulty_controller(processes: Any, tmp_path: Path) -> None:
 
 
 def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
-    """Without --allow nothing but questions is sent, and what was left out is said."""
+    """Without --allow only queries are sent, and the skipped cases are reported."""
     host, port = processes.controller()
     out = tmp_path / "out"
     done = processes.run(
@@ -112,7 +112,7 @@ def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
 
 
 def test_a_plan_sends_nothing(processes: Any) -> None:
-    """--dry-run needs no subject."""
+    """--dry-run needs no controller."""
     done = processes.run("certify", "controller", *ALL, "--dry-run")
     assert done.returncode == 0
     assert "MOVE the arm" in done.stdout
@@ -120,7 +120,7 @@ def test_a_plan_sends_nothing(processes: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         ((), "no controller"),
         (("http://x",), "http"),
@@ -130,21 +130,21 @@ def test_a_plan_sends_nothing(processes: Any) -> None:
         (("tcp://127.0.0.1:1", "--ics", "/nowhere.toml"), "/nowhere.toml"),
     ],
 )
-def test_usage(refused: Callable[..., str], arguments: tuple[str, ...], says: str) -> None:
+def test_usage(refused: Callable[..., str], arguments: tuple[str, ...], message: str) -> None:
     """User errors are reported."""
-    assert says in refused("certify", "controller", *arguments)
+    assert message in refused("certify", "controller", *arguments)
 
 
 @pytest.mark.parametrize("more", [(), ("--exhaustive",), ("--only", "4.5/6")])
-def test_the_plan_of_what_takes_long(processes: Any, more: tuple[str, ...]) -> None:
-    """It is left out, and is said to be, unless all is wanted or it is asked for by name."""
+def test_slow_cases_in_the_plan(processes: Any, more: tuple[str, ...]) -> None:
+    """Slow cases are skipped with a notice, unless all cases or their names are selected."""
     done = processes.run("certify", "controller", "--dry-run", *more, *ALL)
     assert done.returncode == 0, done.stdout + done.stderr
     assert ("skipped: it is slow" in done.stdout) is (not more)
 
 
 def test_wait_for_the_controller(processes: Any) -> None:
-    """A controller that starts later is certified; without the option the run ends at once."""
+    """A controller that starts later is certified; without the option the run ends immediately."""
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         address = f"127.0.0.1:{listener.getsockname()[1]}"
     command = ("certify", "controller", f"tcp://{address}", "--only", "4.8/2")
@@ -166,14 +166,14 @@ def test_fail_fast(processes: Any) -> None:
 
 
 def test_a_hook_that_cannot_be_started(refused: Callable[..., str], tmp_path: Path) -> None:
-    """One sentence names the file, the hook and the program; nothing connects to the robot."""
+    """One sentence names the file, the hook and the program; no connection is opened."""
     ics = tmp_path / "ics.toml"
     ics.write_text("[hooks]\nrestart = 'no-such-program now'\n", encoding="utf-8")
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         listener.settimeout(0)
         url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
-        says = refused("certify", "controller", url, "--ics", str(ics), "--only", "4.8/2")
-        assert says == (
+        message = refused("certify", "controller", url, "--ics", str(ics), "--only", "4.8/2")
+        assert message == (
             f"scaraspec: {ics}: the program no-such-program of the hook restart does not exist or "
             "is not executable\n"
         )
@@ -198,8 +198,8 @@ def test_hooks_that_are_missing(processes: Any, tmp_path: Path) -> None:
     assert reasons["6.6a/14.driven-inputs"] is Reason.HOOK
 
 
-def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:
-    """Nothing can be found out: inconclusive, with one sentence."""
+def test_a_wrong_password_is_no_failure_of_the_subject(processes: Any) -> None:
+    """The run is inconclusive, with one sentence about the password."""
     host, port = processes.controller("--password", "secret")
     done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
     assert done.returncode == 3
@@ -217,7 +217,7 @@ def test_the_password_from_the_environment(processes: Any, monkeypatch: pytest.M
 
 
 def test_a_state_directory_that_cannot_be_used(processes: Any, tmp_path: Path) -> None:
-    """Nothing is sent: one sentence names the directory and the option, and the status is 2."""
+    """Nothing is sent: one sentence names the directory and the option; exit status 2."""
     folder = tmp_path / "file" / "state"
     folder.parent.touch()
     url = "tcp://127.0.0.1:1"
@@ -232,12 +232,12 @@ def test_a_state_directory_that_cannot_be_used(processes: Any, tmp_path: Path) -
 
 
 def test_a_recovery_that_is_not_allowed(processes: Any, tmp_path: Path) -> None:
-    """One line says what would allow it, and the status is 3; with that the next run begins."""
+    """One line names the missing option, exit status 3; with that option the next run starts."""
     host, port = processes.controller()
     url = f"tcp://{host}:{port}"
     with Journal.of(url, tmp_path / "state") as journal:
         journal.begin("2026-01-01T00:00:00+00:00", {})
-        journal.write("motion")  # the run was killed then
+        journal.write("motion")  # the run was killed at that moment
     run = ("certify", "controller", url, "--only", "4.8/2")
     done = processes.run(*run)
     assert done.returncode == 3, done.stdout + done.stderr
@@ -252,7 +252,7 @@ def test_a_recovery_that_is_not_allowed(processes: Any, tmp_path: Path) -> None:
 
 @pytest.fixture
 def null_modem() -> Iterator[tuple[str, str]]:
-    """Two serial devices, each of which gets what is written to the other."""
+    """Two serial devices; each receives what is written to the other."""
     pairs = [os.openpty() for _ in range(2)]
     for _, line in pairs:
         tty.setraw(line)
@@ -273,12 +273,12 @@ def null_modem() -> Iterator[tuple[str, str]]:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo terminals")
 def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
-    """Conformant as over TCP, though the robot notices no end of what a case has begun."""
+    """Conformant as over TCP, although a serial line has no end of a connection."""
     pytest.importorskip("serial")
-    robot, ours = null_modem
+    robot, own_files = null_modem
     processes.controller("--serial", robot, "--reading", "xfer_timeout=0.5")
     done = processes.run(
-        *("certify", "controller", f"serial://{ours}", "--only", "4.8/2,5.1/7", *ALL),
+        *("certify", "controller", f"serial://{own_files}", "--only", "4.8/2,5.1/7", *ALL),
         *("--transfer-timeout", "0.5", "--examples", "3"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -316,9 +316,10 @@ def _nonsense(connection: socket.socket) -> None:
 def test_hostile_subjects(
     processes: Any, hostile: Any, treat: Callable[[socket.socket], None]
 ) -> None:
-    """One that closes at once, hangs, floods or answers nonsense: never a pass, never a hang."""
+    """Subjects that close at once, hang, flood or answer nonsense: never a pass, and the run
+    ends."""
     done = processes.run(
-        "certify", "controller", hostile(treat), "--reply-timeout", "300ms", "--only", "4.8,3"
+        "certify", "controller", hostile(treat), "--reply-timeout", "300ms", "--only", "4.8,3/32"
     )
     assert done.returncode in (1, 3), done.stdout + done.stderr
     assert "Traceback" not in done.stderr
@@ -329,13 +330,14 @@ def test_hostile_subjects(
     [
         (1, (), [signal.SIGINT]),
         (5, ("--only", "5"), [signal.SIGINT]),
-        (1, ("--only", "5"), [signal.SIGTERM, signal.SIGTERM]),  # so does timeout(1)
+        (1, ("--only", "5"), [signal.SIGTERM, signal.SIGTERM]),  # timeout(1) does so, too
     ],
 )
 def test_interrupted(
     processes: Any, tmp_path: Path, files: int, only: tuple[str, ...], signals: list[signal.Signals]
 ) -> None:
-    """Ended while a file of the suite is stored: it is taken away, and the run inconclusive."""
+    """If interrupted while a file of the suite is stored, the file is deleted and the run is
+    inconclusive."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     with Client(url, password="password") as robot:
@@ -351,15 +353,15 @@ def test_interrupted(
         assert [stat.S_IMODE(file.stat().st_mode) for file in state.glob("*.journal")] == [0o600]
         for number in signals:
             run.send_signal(number)
-        told, _ = run.communicate(timeout=60)
-        assert run.returncode == 3, told
-        assert not [*state.glob("*.journal")], told
-        assert robot.list_programs() == before, told
+        printed, _ = run.communicate(timeout=60)
+        assert run.returncode == 3, printed
+        assert not [*state.glob("*.journal")], printed
+        assert robot.list_programs() == before, printed
 
 
 @pytest.fixture
 def handlers() -> Iterator[None]:
-    """Put back what handles signals."""
+    """Restore the signal handlers."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -368,7 +370,7 @@ def handlers() -> Iterator[None]:
 
 @pytest.mark.usefixtures("handlers")
 def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """timeout(1) signals a process and then its whole group; who means it twice comes later."""
+    """timeout(1) signals a process and then its group; a user repeats a signal later."""
     times_s = iter((10.0, 10.001, 11.0))
     monkeypatch.setattr("time.monotonic", lambda: next(times_s))
     end_on_signals(Interruption())
@@ -379,8 +381,8 @@ def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_a_full_disk_loses_no_verdict(processes: Any, tmp_path: Path) -> None:
-    """The verdict is on the terminal and in results.json; the exit status is 3."""
+def test_the_verdict_on_a_full_disk(processes: Any, tmp_path: Path) -> None:
+    """The verdict is on the terminal and in results.json; exit status 3."""
     host, port = processes.controller()
     limit = "import os, resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))"
     command = ("-m", "scaraspec", "certify", "controller", f"tcp://{host}:{port}")
@@ -402,7 +404,8 @@ def test_a_full_disk_loses_no_verdict(processes: Any, tmp_path: Path) -> None:
 
 
 def test_coverage_can_be_required(processes: Any) -> None:
-    """Without it, a run that judged a part of its scope has exit status 0, and says so."""
+    """Without the option, a run that judged a part of its scope has exit status 0 and reports
+    that."""
     host, port = processes.controller()
     command = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.7/2,4.35/5")
     done = processes.run(*command)
@@ -418,7 +421,7 @@ def test_coverage_can_be_required(processes: Any) -> None:
 
 
 def test_the_reproduction_command_repeats_the_failure(processes: Any, tmp_path: Path) -> None:
-    """It names the case and every option, and gives the same fingerprint."""
+    """It contains the case and every option, and gives the same fingerprint."""
     host, port = processes.controller("--mutant", "status-of-one-digit")
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     options = ("--patience", "2", "--examples", "5", "--allow", "state", "--reply-timeout", "1.5s")

@@ -70,7 +70,7 @@ def attend(url: str, out: Path, answer: Callable[[str], str], *more: str) -> tup
 def test_an_operator_sets_the_inputs(
     robot: tuple[str, Callable[[str], None]], tmp_path: Path
 ) -> None:
-    """The requests, the answers and a note are in the results and in the report."""
+    """The requests, the replies and a note are in the results and in the report."""
     url, execute = robot
 
     def answer(request: str) -> str:
@@ -92,10 +92,8 @@ def test_an_operator_sets_the_inputs(
     assert any("n TEXT = note" in line for line in shown)
 
 
-def test_an_operator_who_ends_the_run(
-    robot: tuple[str, Callable[[str], None]], tmp_path: Path
-) -> None:
-    """After Ctrl-C and "q" the case still asks to put the input back; the run is restored."""
+def test_an_operator_ends_the_run(robot: tuple[str, Callable[[str], None]], tmp_path: Path) -> None:
+    """After Ctrl-C and "q" the operator must still reset the input; then everything is restored."""
     typed = iter((CTRL_C, "q\n"))
     status, shown = attend(robot[0], tmp_path / "out", lambda _: next(typed))
     assert status == 3, shown
@@ -105,6 +103,6 @@ def test_an_operator_who_ends_the_run(
 
 
 def test_without_a_terminal(refused: Callable[..., str]) -> None:
-    """Nothing is sent: there is no controller at this address."""
+    """Nothing is sent; this address has no controller."""
     error = refused("certify", "controller", "tcp://127.0.0.1:1", "--attended", "--only", DRIVEN)
     assert "stdin is no terminal" in error

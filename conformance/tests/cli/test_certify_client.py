@@ -1,4 +1,4 @@
-"""`scaraspec certify client` as a user runs it: with a good or bad driver, and attended."""
+"""`scaraspec certify client` with good and bad drivers, and attended."""
 
 import json
 import os
@@ -55,26 +55,26 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_drivers(processes: Any, tmp_path: Path, name: str) -> None:
-    """Each is reported in a sentence, in bounded time, and is never a pass."""
-    body, says = BAD[name]
+    """Each gives one sentence, in limited time, and never a pass."""
+    body, message = BAD[name]
     file = tmp_path / "driver.py"
     file.write_text(body, encoding="utf-8")
     line = f"{shlex.quote(sys.executable)} {shlex.quote(str(file))}"
     limit = ("--answer-timeout", "1") if name == "hangs" else ()
     done = processes.run("certify", "client", "--driver", line, "--only", "4.8", *limit)
     assert done.returncode in (1, 3), done.stdout + done.stderr
-    assert says in done.stdout
+    assert message in done.stdout
     assert "Traceback" not in done.stderr
 
 
-def test_a_driver_that_is_not_there(processes: Any) -> None:
+def test_a_missing_driver(processes: Any) -> None:
     """One sentence and exit status 2."""
     done = processes.run("certify", "client", "--driver", "/no/such/driver")
     assert done.returncode == 2
     assert "cannot be started" in done.stderr
 
 
-def test_no_client_at_all(processes: Any) -> None:
+def test_neither_driver_nor_attended(processes: Any) -> None:
     """One sentence and exit status 2."""
     done = processes.run("certify", "client", "--listen", "127.0.0.1:0")
     assert done.returncode == 2
@@ -121,7 +121,7 @@ class Operator:
         self.seen: list[str] = []
 
     def work(self, leave_at: str = "") -> None:
-        """Do what is asked until the terminal ends, or leave once such a line is read."""
+        """Follow the requests until the terminal ends, or stop when this line is read."""
         with (
             os.fdopen(self._terminal, "r", encoding="utf-8", closefd=False) as lines,
             suppress(OSError),
@@ -136,14 +136,13 @@ class Operator:
                     self._type("y" if self._shows(found[1]) else "n")
 
     def close(self) -> None:
-        """Put the client away."""
         self._client.communicate()
 
     def _type(self, text: str) -> None:
         os.write(self._terminal, f"{text}\n".encode())
 
-    def _order(self, name: str, given: str) -> None:
-        values: dict[str, Any] = dict(pair.split(" = ", 1) for pair in given.split(", ") if pair)
+    def _order(self, name: str, viewed: str) -> None:
+        values: dict[str, Any] = dict(pair.split(" = ", 1) for pair in viewed.split(", ") if pair)
         for key, value in values.items():
             with suppress(ValueError):
                 values[key] = int(value)
@@ -185,9 +184,9 @@ def attend(tmp_path: Path) -> Callable[..., tuple[int, list[str]]]:
 
 
 def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) -> None:
-    """The operator leaves after the first steps, comes back, and the rest is ticked off.
+    """The operator quits after the first steps and continues later.
 
-    The client polls by itself what the operator must request.
+    The client sends some requests periodically, without the operator.
     """
     status, read = attend("--only", "4.7,4.8", leave_at="pass 4.7/1")
     assert status == 3, read
@@ -210,7 +209,7 @@ def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) 
 
 
 def test_a_folder_of_another_run(processes: Any, tmp_path: Path) -> None:
-    """An attended run does not continue a run of a driver: one sentence, and nothing changes."""
+    """An attended run does not continue a run with a driver: one sentence, and nothing changes."""
     out = tmp_path / "out"
     processes.run("certify", "client", "--driver", OWN, "--only", "4.8/1", "--out", str(out))
     kept = {file: file.read_bytes() for file in out.iterdir()}

@@ -1,4 +1,4 @@
-"""On a terminal, a run that will move the robot asks once before it sends anything."""
+"""On a terminal, a run that will move the robot asks for confirmation before it sends anything."""
 
 import os
 import pty
@@ -18,13 +18,13 @@ LIMIT_S = 60
 
 @pytest.fixture
 def url(processes: Any) -> str:
-    """A virtual controller."""
+    """The URL of a virtual controller."""
     host, port = processes.controller()
     return f"tcp://{host}:{port}"
 
 
 class Terminal:
-    """A run of scaraspec on a terminal of its own."""
+    """A process of scaraspec on its own terminal."""
 
     def __init__(self, *arguments: str) -> None:
         self._near, far = pty.openpty()
@@ -33,7 +33,7 @@ class Terminal:
         self.shown = ""
 
     def until(self, text: str) -> None:
-        """Read until this is shown."""
+        """Read until this text is printed."""
         while text not in self.shown:
             self.shown += os.read(self._near, 4096).decode()
 
@@ -42,14 +42,14 @@ class Terminal:
         os.write(self._near, f"{text}\n".encode())
 
     def end(self) -> int:
-        """Read to the end; the exit status."""
+        """Read to the end; return the exit status."""
         with suppress(OSError):  # the terminal ends with the process
             while data := os.read(self._near, 4096):
                 self.shown += data.decode()
         return self.run.wait(LIMIT_S)
 
     def close(self) -> None:
-        """Leave nothing on the robot."""
+        """End the run, so that it restores the robot."""
         self.run.kill()
         self.run.wait()
         os.close(self._near)
@@ -57,15 +57,15 @@ class Terminal:
 
 @pytest.fixture
 def terminals() -> Iterator[list[Terminal]]:
-    """What is in this list is ended."""
+    """The terminals in this list are closed after the test."""
     started: list[Terminal] = []
     yield started
     for terminal in started:
         terminal.close()
 
 
-def test_no_answer_but_yes_moves_the_robot(terminals: list[Terminal]) -> None:
-    """It names axes, travel and speed; after "n" nothing was sent, and the exit status is 2."""
+def test_only_yes_moves_the_robot(terminals: list[Terminal]) -> None:
+    """The question has axes, travel and speed; after "n" nothing is sent, exit status 2."""
     controller = socket.create_server(("127.0.0.1", 0))
     controller.settimeout(0)
     url = f"tcp://127.0.0.1:{controller.getsockname()[1]}"
@@ -82,10 +82,10 @@ def test_no_answer_but_yes_moves_the_robot(terminals: list[Terminal]) -> None:
 
 
 @pytest.mark.parametrize(("more", "answers"), [((), ["y"]), (("--yes",), [])])
-def test_it_asks_once(
+def test_confirmation_is_requested_once(
     url: str, terminals: list[Terminal], more: tuple[str, ...], answers: list[str]
 ) -> None:
-    """After "y", or with --yes, the run goes on to its verdict."""
+    """After "y", or with --yes, the run continues to its verdict."""
     terminals.append(terminal := Terminal(url, *MOTION, *more))
     for answer in answers:
         terminal.until("[y/N]")
@@ -94,8 +94,8 @@ def test_it_asks_once(
     assert terminal.shown.count("[y/N]") == len(answers)
 
 
-def test_a_run_that_moves_nothing_does_not_ask(url: str, terminals: list[Terminal]) -> None:
-    """Queries need no answer."""
+def test_a_run_without_motion_needs_no_confirmation(url: str, terminals: list[Terminal]) -> None:
+    """Queries need no confirmation."""
     terminals.append(terminal := Terminal(url, "--only", "4.7"))
     assert terminal.end() == 0
     assert "[y/N]" not in terminal.shown

@@ -1,7 +1,7 @@
-"""SIGKILL inside a case of `scaraspec certify controller`: the next run puts everything back.
+"""SIGKILL during a case of `scaraspec certify controller`: the next run restores everything.
 
-A few moments in each test run; as many as SCARASPEC_KILLS says by `make test-kill`. SCARASPEC_SEED
-draws other moments.
+Each test run tries a few moments; `make test-kill` tries the number in SCARASPEC_KILLS.
+SCARASPEC_SEED selects other moments.
 """
 
 import itertools
@@ -39,18 +39,16 @@ FILES = {
     "zs1.rob": "endless.rob",
     "ZSAAAA1.ROB": "left-over.rob",
     "焊接.rob": "every-node.ilp32.rob",
-    "notes.txt": "README.md",  # which is not listed
+    "notes.txt": "README.md",  # it is not in the list
 }
-"""The user's files, and what is in them."""
+"""The user's files and their contents."""
 
 
 class Kind(NamedTuple):
     """Where a run is killed.
 
-    Attributes:
-        only: The cases that it tries.
-        request: The request at which it is killed, or after which.
-        from_number: The first of these requests that is inside such a case.
+    Attributes: only: The cases that it runs. request: The request before or after which it is
+    killed. from_number: The first of these requests that is sent by such a case.
     """
 
     only: str
@@ -73,18 +71,15 @@ MORE_KINDS = {
     "tool": Kind("4.21", "set_initial_tool_position", 2),
 }
 OUTS = (("none", "none"), ("one", "one"), ("one", "other"), ("one", "none"))
-"""Which --out the killed and the next run have."""
+"""The option --out of the killed run and of the next one."""
 
 
 @dataclass
 class Moment:
     """When a run is killed.
 
-    Attributes:
-        request: The name of a request.
-        number: Which of these requests.
-        further: How many other requests later.
-        forwards: Whether the controller still gets that request.
+    Attributes: request: The name of a request. number: The number of this request. further: The
+    number of other requests after it. forwards: Whether the controller still receives that request.
     """
 
     request: str
@@ -93,7 +88,10 @@ class Moment:
     forwards: bool
 
     def has_come(self, frame: Frame) -> bool:
-        """Whether it is this request of the run, which are given one after the other."""
+        """Return whether this is the request.
+
+        Must be called with each request of the run in order.
+        """
         if self.number:
             self.number -= frame.opcode == BY_NAME[self.request].opcode
         else:
@@ -110,7 +108,7 @@ class Gate:
         self._moment: Moment | None = None
 
     def kill(self, process: subprocess.Popen[str], moment: Moment) -> str:
-        """Kill a process that is about to use the relay; what it has printed."""
+        """Kill a process that will use the relay; return its output."""
         self._moment = moment
         self._victims.put(process.pid)
         out, _ = process.communicate(timeout=TIMEOUT_S)
@@ -118,7 +116,7 @@ class Gate:
         return out
 
     def watch(self, send: Callable[[bytes], None]) -> Callable[[bytes], None]:
-        """Watch what a client sends on one connection."""
+        """Observe what a client sends on one connection."""
         framer = Framer(A2C)
 
         def take(data: bytes) -> None:
@@ -131,7 +129,7 @@ class Gate:
         return take
 
     def _due(self, items: Iterable[object]) -> Moment | None:
-        """The moment, if it is that of one of these requests."""
+        """The moment, if this is its request."""
         with self._lock:
             for frame in items:
                 if self._moment and isinstance(frame, Frame) and self._moment.has_come(frame):
@@ -142,13 +140,10 @@ class Gate:
 
 @dataclass(frozen=True)
 class Robot:
-    """A virtual controller process with the user's settings and files.
+    """A virtual controller process with settings and files of a user.
 
-    Attributes:
-        data: Its folder.
-        address: Where it listens.
-        outputs: What its outputs were switched to.
-        clock: What its clock showed, and when that was on the monotonic clock of this machine.
+    Attributes: data: Its folder. address: Its address. outputs: The outputs that were set. clock: A
+    value of its clock, and the monotonic time of it on this computer.
     """
 
     data: Path
@@ -176,16 +171,15 @@ class Robot:
             return cls(data, address, client.get_digital_outputs(), _clock(client))
 
     def stored(self) -> dict[str, bytes]:
-        """Every file of its folder: programs, and settings.json with the password."""
+        """Every file in its folder: programs, and settings.json with the password."""
         paths = (path for path in self.data.rglob("*") if path.is_file())
         return {str(path.relative_to(self.data)): path.read_bytes() for path in paths}
 
     def assert_as(self, stored: dict[str, bytes], *, off: bool = False) -> None:
-        """Files, settings, outputs and clock are those of the user.
+        """Check that files, settings, outputs and clock are those of the user.
 
-        Args:
-            stored: The files.
-            off: Whether the controller was shut down, after which it has no outputs and no clock.
+        Args: stored: The files. off: Whether the controller was shut down, after which it has no
+        outputs and no clock.
         """
         assert self.stored() == stored
         if off:
@@ -198,7 +192,7 @@ class Robot:
 
 
 def _clock(client: Client) -> tuple[datetime, float]:
-    """What the clock shows, at the beginning of a second of it."""
+    """Read the clock just after it changed to the next second."""
     first = now = client.get_time()
     while now == first:
         now = client.get_time()
@@ -209,10 +203,7 @@ def _clock(client: Client) -> tuple[datetime, float]:
 class Campaign:
     """Runs against controllers, some of which are killed.
 
-    Args:
-        processes: Starts processes.
-        relay: Makes relays.
-        folder: Where all of them work.
+    Args: processes: Starts processes. relay: Makes relays. folder: The working directory.
     """
 
     processes: Any
@@ -221,7 +212,7 @@ class Campaign:
     fresh: dict[tuple[str, ...], int] = field(default_factory=dict)
 
     def certify(self, url: str, *arguments: str) -> tuple[int, str]:
-        """A run that is not killed: its exit status, and what it prints."""
+        """Certify without a kill; return the exit status and the output."""
         process = self.processes.start(*self.command(url, *arguments))
         out, _ = process.communicate(timeout=10 * TIMEOUT_S)
         return process.returncode, out
@@ -229,13 +220,10 @@ class Campaign:
     def kill(
         self, kind: Kind, moment: Moment, outs: tuple[str, str], what: tuple[str, ...]
     ) -> None:
-        """Kill a run at this moment, and expect the next one to put everything back.
+        """Kill a run at this moment, and check that the next one restores everything.
 
-        Args:
-            kind: What the run tries.
-            moment: When it is killed.
-            outs: Whether and where both runs write.
-            what: What the next run tries.
+        Args: kind: The cases of the run. moment: When it is killed. outs: The option --out of both
+        runs. what: The cases of the next run.
         """
         folder = Path(mkdtemp(dir=self.folder))
         robot = Robot.start(self.processes, folder)
@@ -246,9 +234,9 @@ class Campaign:
             url = "tcp://{}:{}".format(*relay.address)
             run = self.command(url, "--only", kind.only, *first)
             gate.kill(self.processes.start(*run), moment)
-            status, said = self.certify(url, *what, *then)
-        assert status == self.status_of_a_fresh_controller(*what), said
-        robot.assert_as(stored, off=not what)  # the last case of all shuts it down
+            status, reported = self.certify(url, *what, *then)
+        assert status == self.status_of_a_fresh_controller(*what), reported
+        robot.assert_as(stored, off=not what)  # the very last case shuts it down
 
     def status_of_a_fresh_controller(self, *what: str) -> int:
         """The exit status of such a run against a controller on which no run was killed."""
@@ -277,7 +265,7 @@ def a_moment(kind: Kind, dice: random.Random) -> Moment:
 
 
 def test_killed_one_after_the_other(processes: Any, relay: Any, tmp_path: Path) -> None:
-    """A run recovers what the one before has left, is killed itself, and the last one passes."""
+    """Each run restores what the run before it left, and is killed itself; the last one passes."""
     campaign, gate = Campaign(processes, relay, tmp_path), Gate()
     robot = Robot.start(processes, tmp_path / "robot")
     stored, outs = robot.stored(), {"upload": "one", "default program": "one"}
@@ -286,16 +274,16 @@ def test_killed_one_after_the_other(processes: Any, relay: Any, tmp_path: Path) 
         for number, (name, kind) in enumerate(KINDS.items()):
             out = ("--out", str(tmp_path / outs[name])) if name in outs else ()
             run = campaign.command(url, "--only", kind.only, *out)
-            said = gate.kill(processes.start(*run), a_moment(kind, dice_for(number)))
-            assert ("was interrupted" in said) is bool(number), said
-        status, said = campaign.certify(url, "--only", "4.8/2")
-    assert status == 0, said
+            reported = gate.kill(processes.start(*run), a_moment(kind, dice_for(number)))
+            assert ("was interrupted" in reported) is bool(number), reported
+        status, reported = campaign.certify(url, "--only", "4.8/2")
+    assert status == 0, reported
     robot.assert_as(stored)
 
 
 @pytest.mark.campaign
 def test_killed_again_and_again(processes: Any, relay: Any, tmp_path: Path) -> None:
-    """However often runs are killed, wherever and whichever run is next, nothing is lost."""
+    """Any number of kills, at any moment, followed by any kind of run, loses nothing."""
     campaign = Campaign(processes, relay, tmp_path)
     usual, others = itertools.cycle(KINDS.values()), itertools.cycle(MORE_KINDS.values())
     for number in range(int(os.environ.get("SCARASPEC_KILLS", "40"))):

@@ -1,4 +1,4 @@
-"""One run of `scaraspec certify controller` at a time uses a controller."""
+"""One run of `scaraspec certify controller` at a time can use a controller."""
 
 import subprocess
 from collections.abc import Iterator
@@ -11,13 +11,10 @@ TIMEOUT_S = 60
 
 
 class Bench(NamedTuple):
-    """A controller that a run uses, and waits for.
+    """A controller that is in use by one run.
 
-    Attributes:
-        processes: Starts processes.
-        relay: What is between them and the controller: nothing passes yet.
-        first: The run.
-        options: What every run is given.
+    Attributes: processes: Starts processes. relay: The relay between runs and controller, which
+    forwards nothing yet. first: The run. options: The options of each run.
     """
 
     processes: Any
@@ -50,11 +47,12 @@ def bench(processes: Any, relay: Any, tmp_path: Path) -> Iterator[Bench]:
 
 
 def test_a_second_run(bench: Bench) -> None:
-    """It ends with 3 and one sentence and sends nothing; the lock of a killed run ends with it."""
+    """The second run ends with status 3 and one sentence and sends nothing; a killed run releases
+    the lock."""
     second = bench.second("--wait-for-lock", "50ms", host="localhost")
-    said, _ = second.communicate(timeout=TIMEOUT_S)
-    assert second.returncode == 3, said
-    *plan, sentence = said.splitlines()
+    reported, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 3, reported
+    *plan, sentence = reported.splitlines()
     address = "{}:{}".format(*bench.relay.address)
     assert sentence.startswith(f"scaraspec: another scaraspec run is using tcp://{address}: ")
     assert sentence.endswith("wait for it with --wait-for-lock 60s")
@@ -64,17 +62,18 @@ def test_a_second_run(bench: Bench) -> None:
     bench.first.kill()
     bench.first.wait(TIMEOUT_S)
     third = bench.second()
-    said, _ = third.communicate(timeout=TIMEOUT_S)
-    assert third.returncode == 0, said
+    reported, _ = third.communicate(timeout=TIMEOUT_S)
+    assert third.returncode == 0, reported
 
 
 def test_a_run_that_waits(bench: Bench) -> None:
-    """With --wait-for-lock it begins when the first run has ended, and has the usual verdict."""
+    """With --wait-for-lock the second run starts when the first one has ended, and gives its usual
+    verdict."""
     second = bench.second("--wait-for-lock", f"{TIMEOUT_S}s")
     assert second.stdout
-    assert "cases will run" in second.stdout.readline()  # from now on it waits
+    assert "cases will run" in second.stdout.readline()  # from now on the second run waits
     bench.relay.open.set()
-    said, _ = bench.first.communicate(timeout=TIMEOUT_S)
-    assert bench.first.returncode == 0, said
-    said, _ = second.communicate(timeout=TIMEOUT_S)
-    assert second.returncode == 0, said
+    reported, _ = bench.first.communicate(timeout=TIMEOUT_S)
+    assert bench.first.returncode == 0, reported
+    reported, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 0, reported

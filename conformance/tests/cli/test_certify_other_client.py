@@ -1,4 +1,5 @@
-"""A second client that changes settings during a run makes it inconclusive, never nonconformant."""
+"""If a second client changes settings during a run, the run is inconclusive, never
+nonconformant."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -20,19 +21,19 @@ Change = Callable[[Client, int], None]
 
 
 def _another_value(robot: Client, times: int) -> None:
-    """Set the gripper centre to one value after another."""
+    """Set the gripper centre to a new value each time."""
     robot.set_gripper_center(100.0 + times, -7.5, 3.25)
 
 
 def _same_values(robot: Client, _times: int) -> None:
-    """Set gripper centre and clock to what they were at the start of the run."""
+    """Set gripper centre and clock to their values at the start of the run."""
     robot.set_gripper_center(1, 2, 3)
     robot.set_time(datetime.now(UTC))
 
 
 @contextmanager
 def _second_client(url: str, change: Change) -> Iterator[None]:
-    """Change something again and again."""
+    """Change a setting repeatedly."""
     over, changed = threading.Event(), threading.Event()
 
     def change_all() -> None:
@@ -57,7 +58,7 @@ def _second_client(url: str, change: Change) -> Iterator[None]:
     ("change", "only"), [(_another_value, "4.19,4.20"), (_same_values, "4.5,4.6,4.20")]
 )
 def test_a_second_client(processes: Any, tmp_path: Path, change: Change, only: str) -> None:
-    """Exit status 3, no failure, and the reason in terminal, results and report."""
+    """Exit status 3, no failure; terminal, results and report state the reason."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     with _second_client(url, change):

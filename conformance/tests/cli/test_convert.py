@@ -1,4 +1,4 @@
-"""`scaraspec convert`: the same capture in another format, and back."""
+"""`scaraspec convert`: a capture in another format, and back."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def field(fixtures_dir: Path) -> Path:
 
 
 def streams(file: Path) -> dict[tuple[str, Any], bytes]:
-    """The bytes of each connection and direction, with the times at which they came."""
+    """The bytes of each connection and direction, with their times."""
     found: dict[tuple[str, Any], bytes] = defaultdict(bytes)
     for event in open_capture(file, port=None):
         if event.kind is Kind.BYTES:
@@ -35,7 +35,7 @@ def streams(file: Path) -> dict[tuple[str, Any], bytes]:
 def test_packets_become_a_recording_and_packets_again(
     processes: Any, field: Path, tmp_path: Path
 ) -> None:
-    """pcapng to MCAP to pcapng: every byte in its stream, and the same judgement."""
+    """pcapng to MCAP to pcapng: the same bytes in each stream, and the same findings."""
     source, recording = field / f"{SHIFT}.pcapng", tmp_path / "a.mcap"
     packets = tmp_path / "b.pcapng"
     for arguments in ((source, recording), (recording, packets)):
@@ -45,10 +45,8 @@ def test_packets_become_a_recording_and_packets_again(
     assert processes.run("audit", str(packets)).returncode == 0
 
 
-def test_the_description_of_the_session_is_kept(
-    processes: Any, field: Path, tmp_path: Path
-) -> None:
-    """MCAP to MCAP: what the recording states about the link and the subject."""
+def test_session_metadata_is_kept(processes: Any, field: Path, tmp_path: Path) -> None:
+    """MCAP to MCAP keeps the metadata about link and subject."""
     source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
     known = {"subject": "client", "subject.time_scale": "2", "link": "serial"}
     decoder = Decoder([McapSink(source.open("wb"), known)], Judge())
@@ -62,34 +60,32 @@ def test_the_description_of_the_session_is_kept(
 
 @pytest.mark.usefixtures("viewer")
 def test_a_picture(processes: Any, field: Path, tmp_path: Path) -> None:
-    """pcapng to rrd: a finished file of the viewer."""
+    """pcapng to rrd gives a complete file for the viewer."""
     drawn = tmp_path / "a.rrd"
     assert processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(drawn)).returncode == 0
     assert b"RRF2FOOT" in drawn.read_bytes()[-12:]
 
 
-def test_what_is_torn_is_converted_as_far_as_it_goes(
-    processes: Any, field: Path, tmp_path: Path
-) -> None:
-    """With a sentence, and exit status 3."""
-    whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
-    processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(whole))
-    torn.write_bytes(whole.read_bytes()[:-100])
-    done = processes.run("convert", str(torn), str(tmp_path / "c.pcapng"))
+def test_a_truncated_file_is_converted(processes: Any, field: Path, tmp_path: Path) -> None:
+    """A file that is cut off is converted up to the cut, with a notice and exit status 3."""
+    complete, truncated = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(complete))
+    truncated.write_bytes(complete.read_bytes()[:-100])
+    done = processes.run("convert", str(truncated), str(tmp_path / "c.pcapng"))
     assert done.returncode == 3
     assert "was not closed" in done.stderr
     assert (tmp_path / "c.pcapng").exists()
 
 
 def test_packets_in_another_order(processes: Any, fixtures_dir: Path, tmp_path: Path) -> None:
-    """Nothing is missing: the file is whole, as for `audit`."""
+    """No bytes are missing, so that the result is complete."""
     source = fixtures_dir / "captures" / "cases" / "two-packets-swapped.pcap"
     done = processes.run("convert", f"{source}", f"{tmp_path / 'a.mcap'}")
     assert (done.returncode, "not in the order of time: 1" in done.stderr) == (0, True)
 
 
 @pytest.mark.parametrize(
-    ("source", "target", "says"),
+    ("source", "target", "message"),
     [
         (f"{SHIFT}.pcapng", "there.mcap", "exists"),
         (f"{SHIFT}.pcapng", "out.pcap", "has no known suffix"),
@@ -98,9 +94,9 @@ def test_packets_in_another_order(processes: Any, fixtures_dir: Path, tmp_path: 
     ],
 )
 def test_usage(  # noqa: PLR0913, PLR0917 - three fixtures and three parameters
-    refused: Callable[..., str], field: Path, tmp_path: Path, source: str, target: str, says: str
+    refused: Callable[..., str], field: Path, tmp_path: Path, source: str, target: str, message: str
 ) -> None:
-    """User errors are reported; no file is overwritten or left over."""
+    """Usage errors are reported; no file is overwritten or left over."""
     (tmp_path / "there.mcap").write_text("mine")
-    assert says in refused("convert", str(field / source), str(tmp_path / target))
+    assert message in refused("convert", str(field / source), str(tmp_path / target))
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]

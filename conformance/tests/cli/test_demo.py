@@ -1,4 +1,4 @@
-"""`scaraspec demo`, run once as a user runs it; and `scaraspec audit` of what it wrote."""
+"""`scaraspec demo`, run once, and `scaraspec audit` of its files."""
 
 import json
 import subprocess
@@ -15,7 +15,7 @@ RERUN = str(Path(sys.executable).with_name("rerun"))
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder that a demo wrote, and what it said."""
+    """The folder that a demo wrote, and its output."""
     out = tmp_path_factory.mktemp("demo") / "out"
     done = subprocess.run(
         [sys.executable, "-m", "scaraspec", "demo", "--out", str(out)],
@@ -29,7 +29,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 def rerun(*arguments: str | Path) -> str:
-    """What the viewer's own command says; it must succeed."""
+    """The output of the viewer's own command, which must succeed."""
     done = subprocess.run(
         [RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
     )
@@ -37,16 +37,16 @@ def rerun(*arguments: str | Path) -> str:
     return done.stdout
 
 
-def test_it_says_what_it_did(demo: tuple[Path, str]) -> None:
-    """The summary names the verdict, and the next commands."""
-    out, told = demo
-    assert told.startswith("client → recording proxy tcp://127.0.0.1:")
-    assert "no violation found" in told
-    assert f"scaraspec audit {out}/capture.mcap" in told
+def test_the_summary(demo: tuple[Path, str]) -> None:
+    """The summary has the verdict and the next commands."""
+    out, printed = demo
+    assert printed.startswith("client → recording proxy tcp://127.0.0.1:")
+    assert "no violation found" in printed
+    assert f"scaraspec audit {out}/capture.mcap" in printed
 
 
 def test_results(demo: tuple[Path, str]) -> None:
-    """results.json: no failure, and the session with its runs and transfers."""
+    """results.json has no failure, and the session with its runs and transfers."""
     results = json.loads((demo[0] / "results.json").read_text(encoding="utf-8"))
     assert results["schema"] == "scaraspec.results/2"
     assert results["verdict"] == "no-violation-found"
@@ -60,7 +60,7 @@ def test_results(demo: tuple[Path, str]) -> None:
 
 
 def test_report(demo: tuple[Path, str]) -> None:
-    """report.html is one whole page about this capture, without the password."""
+    """report.html is one complete page about this capture, without the password."""
     page = (demo[0] / "report.html").read_text(encoding="utf-8")
     assert page.rstrip().endswith("</html>")
     assert "capture.mcap" in page
@@ -74,7 +74,7 @@ def test_the_viewer_accepts_the_captures(demo: tuple[Path, str]) -> None:
 
 
 def test_audit_agrees(demo: tuple[Path, str], processes: Any, tmp_path: Path) -> None:
-    """The capture, judged again from its raw bytes, has the same cases."""
+    """An audit of the capture's raw bytes gives the same cases."""
     again = tmp_path / "again.json"
     capture = demo[0] / "capture.mcap"
     done = processes.run("audit", str(capture), "--json", str(again))
@@ -89,14 +89,14 @@ def test_nothing_is_overwritten(demo: tuple[Path, str], processes: Any) -> None:
     assert "contains capture.mcap of an earlier run" in done.stderr
 
 
-def test_a_torn_capture_is_still_judged(
+def test_a_truncated_capture_is_judged(
     demo: tuple[Path, str], processes: Any, tmp_path: Path
 ) -> None:
-    """An incomplete file is judged as far as it goes; what is missing is reported."""
-    torn = tmp_path / "torn.mcap"
-    whole = (demo[0] / "capture.mcap").read_bytes()
-    torn.write_bytes(whole[: len(whole) * 3 // 4])
-    done = processes.run("audit", str(torn))
+    """An incomplete file is judged up to its end; what is missing is reported."""
+    truncated = tmp_path / "torn.mcap"
+    complete = (demo[0] / "capture.mcap").read_bytes()
+    truncated.write_bytes(complete[: len(complete) * 3 // 4])
+    done = processes.run("audit", str(truncated))
     assert done.returncode in (0, 3), done.stdout
     assert "was not closed" in done.stderr
 
@@ -117,7 +117,8 @@ def test_a_torn_capture_is_still_judged(
 def test_audit_of_field_captures(
     processes: Any, fixtures_dir: Path, tmp_path: Path, name: str, status: int
 ) -> None:
-    """Conforming plants are conformant, complaints are explained, nothing is guessed over."""
+    """Conforming plants are conformant, complaints are explained, what is uncertain is
+    inconclusive."""
     capture = fixtures_dir / "captures" / "field" / f"{name}.pcapng"
     report = tmp_path / "report.html"
     done = processes.run("audit", str(capture), "--html", str(report))
@@ -126,7 +127,7 @@ def test_audit_of_field_captures(
 
 
 @pytest.mark.parametrize(
-    ("make", "says"),
+    ("make", "message"),
     [
         (lambda _: None, "No such file"),
         (lambda path: path.write_bytes(b""), "empty"),
@@ -134,18 +135,20 @@ def test_audit_of_field_captures(
         (lambda path: path.mkdir(), "directory"),
     ],
 )
-def test_audit_of_no_capture(processes: Any, tmp_path: Path, make: Any, says: str) -> None:
-    """What is no capture is one sentence and exit status 2."""
+def test_audit_of_a_file_that_is_not_a_capture(
+    processes: Any, tmp_path: Path, make: Any, message: str
+) -> None:
+    """A file that is not a capture gives one sentence and exit status 2."""
     path = tmp_path / "file"
     make(path)
     done = processes.run("audit", str(path))
     assert done.returncode == 2
-    assert says in done.stderr
+    assert message in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_an_empty_capture_is_no_green(processes: Any, tmp_path: Path) -> None:
-    """A recording in which nothing passed has exit status 4."""
+def test_an_empty_capture_has_exit_status_4(processes: Any, tmp_path: Path) -> None:
+    """A recording without traffic has exit status 4."""
     out = tmp_path / "idle"
     recorder = processes.start(
         "record", "tcp://127.0.0.1:9", "--listen", "127.0.0.1:0", "--out", str(out)

@@ -25,7 +25,7 @@ while True:
 
 
 @pytest.mark.parametrize(
-    ("body", "timeout_s", "says"),
+    ("body", "timeout_s", "message"),
     [
         ("raise SystemExit('no licence')", 30, "no licence"),
         ("import time; time.sleep(60)", 0.5, "did not answer levitate"),
@@ -40,23 +40,22 @@ while True:
     ],
 )
 def test_bad_drivers(
-    processes: Any, tmp_path: Path, body: str, timeout_s: float, says: str
+    processes: Any, tmp_path: Path, body: str, timeout_s: float, message: str
 ) -> None:
-    """One that dies, hangs, floods, answers nonsense or promises everything.
+    """Drivers that crash, hang, flood, answer nonsense or claim everything.
 
-    Who answers has time enough for it, however slow the machine is.
+    Only the driver that hangs has a short timeout, so that a slow machine changes no result.
     """
     file = tmp_path / "driver.py"
     file.write_text(body, encoding="utf-8")
     line = f"{shlex.quote(sys.executable)} {shlex.quote(str(file))}"
     done = processes.run("driver-check", line, "--timeout", f"{timeout_s}")
     assert done.returncode == 1, done.stdout + done.stderr
-    assert says in done.stdout
+    assert message in done.stdout
     assert "Traceback" not in done.stderr
 
 
-def test_a_driver_that_is_not_there(processes: Any) -> None:
-    """One sentence."""
+def test_a_missing_driver(processes: Any) -> None:
     done = processes.run("driver-check", "/no/such/driver")
     assert done.returncode == 1
     assert "cannot be started: No such file or directory" in done.stdout

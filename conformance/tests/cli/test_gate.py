@@ -2,15 +2,17 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped] # it has no types
-from results_of_run import FAILED, PASSED, SEEN, results_of
+from results_of_run import FAILED, PASSED, SEEN, failed, results_of
 
-from scaraspec.report.model import Results
+from scaraspec.judge.verdicts import Conclusion, Reason, Verdict
+from scaraspec.report.model import Case, Results, Role
 
 WAIVER = """[[waiver]]
 {name}
@@ -143,6 +145,48 @@ def test_waivers(
     assert problem in text
 
 
+REPAIRED = Case("4.15/3", ("4.15/3",), Verdict.PASS)
+UNSURE = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, message="the link was lost")
+NOT_RUN = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAIL_FAST, message="--fail-fast")
+
+
+@pytest.mark.parametrize(
+    ("now", "expected", "line"),
+    [
+        (results_of(PASSED, FAILED), 0, "gate passed"),
+        (results_of(PASSED, REPAIRED), 0, "fixed · 4.15/3"),
+        (results_of(PASSED, failed("4.15/3", "no code")), 1, "changed failure · 4.15/3"),
+        (results_of(PASSED, FAILED, SEEN), 1, "new failure · 3/18.seen-1"),
+        (results_of(FAILED), 1, "lost case · 4.8/1"),
+        (replace(results_of(PASSED, FAILED), requirements=()), 1, "lost requirement · 4.8/1"),
+        (replace(results_of(PASSED, FAILED), role=Role.CLIENT), 1, "other settings · role"),
+        (results_of(PASSED, FAILED, UNSURE), 3, "inconclusive · 4.9/2 · the link was lost"),
+        (results_of(FAILED, UNSURE), 1, "gate failed: 2 problems"),
+    ],
+)
+def test_compared_with_a_baseline(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path, now: Results, expected: int, line: str
+) -> None:
+    """Each problem has exit status 1, which wins over 3 for what is inconclusive."""
+    baseline, results = written(tmp_path / "results.json", PASSED, FAILED), tmp_path / "now.json"
+    now.write(results)
+    status, text = gate(results, "--baseline", baseline)
+    assert status == expected
+    assert f"\n{line}" in f"\n{text}"
+
+
+def test_nothing_is_accepted_without_a_run(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path
+) -> None:
+    """Nothing tested, and a run that --fail-fast ended after an accepted failure."""
+    status, text = gate(written(tmp_path / "none.json"))
+    assert (status, text.startswith("gate nothing was tested")) == (4, True)
+    waivers = tmp_path / "waivers.toml"
+    waivers.write_text(WAIVER.format(name='case = "4.15/3"', expires="2999-01-01"), "utf-8")
+    status, text = gate(written(tmp_path / "fast.json", FAILED, NOT_RUN), "--waivers", waivers)
+    assert (status, "inconclusive · --fail-fast · cases that did not run: 1" in text) == (3, True)
+
+
 def test_errors(refused: Callable[..., str], tmp_path: Path) -> None:
     """One sentence each, exit status 2; nothing is written."""
     results = str(written(tmp_path / "results.json", PASSED))
@@ -159,6 +203,107 @@ def test_errors(refused: Callable[..., str], tmp_path: Path) -> None:
     text = refused("gate", results, "--baseline", results, "--update")
     assert "is not a baseline: name another file" in text
     assert Path(results).read_bytes() == before
+
+
+@pytest.mark.parametrize("option", ["--junit", "--ctrf", "--code-quality"])
+def test_only_reports_are_replaced(
+    gate: Callable[..., tuple[int, str]], refused: Callable[..., str], tmp_path: Path, option: str
+) -> None:
+    """An earlier report and an empty file are replaced; another file, a folder or a device not."""
+    results = written(tmp_path / "results.json", PASSED)
+    report = tmp_path / "report"
+    report.touch()
+    for _ in range(2):
+        assert gate(results, option, report)[0] == 0
+        assert report.read_text("utf-8").strip()
+    assert gate(written(tmp_path / "red.json", FAILED), option, report)[0] == 1
+    before = results.read_bytes()
+    for other in (results, tmp_path, Path("/dev/null")):
+        arguments = ("gate", f"{results}", option, f"{other}")
+        assert "is no earlier report of this kind" in refused(*arguments)
+    assert results.read_bytes() == before
+    assert Path("/dev/null").is_char_device()
+
+
+def test_one_file_for_two_reports(gate: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    """The second one replaces neither the first one nor a new baseline."""
+    results = written(tmp_path / "results.json", PASSED)
+    for first in (("--junit",), ("--update", "--baseline")):
+        file = tmp_path / f"file{first[-1]}"
+        status, text = gate(results, *first, file, "--ctrf", file)
+        assert status == 2
+        assert "is no earlier report of this kind" in text
+        assert "ctrf" not in file.read_text("utf-8").lower()
+
+
+def test_a_file_that_cannot_be_written(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path
+) -> None:
+    """The result is shown. A violation keeps exit status 1, the rest is inconclusive."""
+    for case, expected in ((PASSED, 3), (FAILED, 1)):
+        results = written(tmp_path / "results.json", case)
+        for option in ("--summary", "--junit", "--ctrf", "--code-quality"):
+            status, text = gate(results, option, tmp_path / "none" / "file")
+            assert status == expected
+            assert text.startswith("gate ")
+            assert "file cannot be written: No such file or directory" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"cases": ()}, "the numbers of verdicts are not those of the cases"),
+        ({"cases": (), "counts": {}}, "the verdict does not follow from the cases"),
+        ({"verdict": Conclusion.CONFORMANT}, "the verdict does not follow from the cases"),
+        ({"cases": (FAILED, FAILED)}, "case 4.15/3 occurs more than once"),
+    ],
+)
+def test_results_that_contradict_themselves(
+    refused: Callable[..., str], tmp_path: Path, change: dict[str, Any], problem: str
+) -> None:
+    """They were altered by hand; without cases they would pass."""
+    file = tmp_path / "results.json"
+    replace(results_of(FAILED), **change).write(file)
+    good = f"{written(tmp_path / 'good.json', FAILED)}"
+    for arguments in (
+        ("gate", f"{file}"),
+        ("compare", good, f"{file}"),
+        ("compare", f"{file}", good),
+        ("merge", f"{file}", good, "--out", f"{tmp_path / 'out'}"),
+    ):
+        assert f"results.json was altered: {problem}" in refused(*arguments)
+
+
+HOSTILE = "程序\n::error::done ##[stop-commands]x | <b>`</testsuites>%0A::warning::,]]>"
+
+
+def test_hostile_text(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Text of the subject is no command of GitHub, and no markup of a report."""
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    case = replace(failed("4.15/3", "the name is {name}", name=HOSTILE), title=HOSTILE)
+    results, files = tmp_path / "results.json", [tmp_path / f"file-{n}" for n in range(4)]
+    plain = results_of(case)
+    replace(plain, subject=replace(plain.subject, name=HOSTILE, version=HOSTILE)).write(results)
+    options = ("--summary", "--junit", "--ctrf", "--code-quality")
+    arguments = [part for pair in zip(options, files, strict=True) for part in pair]
+    status, text = gate(results, *arguments)
+    assert status == 1
+    commands = [line for line in text.splitlines() if line.lstrip().startswith("::")]
+    assert len(commands) == 1
+    assert commands[0].startswith(
+        "::error title=scaraspec%3A new failure 4.15/3::the name is 程序%0A"
+    )
+    assert "%250A" in commands[0]
+    assert "##[" not in text.replace(commands[0], "")
+    summary = files[0].read_text("utf-8")
+    assert r" ::error::done \#\#\[stop-commands\]x \| \<b\>\`\</testsuites\>%0A" in summary
+    (suite,) = ET.parse(files[1]).getroot()
+    assert HOSTILE.split("\n")[1] in suite.findall(".//failure")[0].attrib["message"]
+    assert HOSTILE in json.loads(files[2].read_text("utf-8"))["results"]["tests"][0]["message"]
+    (entry,) = json.loads(files[3].read_text("utf-8"))
+    assert HOSTILE in entry["description"]
 
 
 def test_inconclusive_results_are_no_baseline(

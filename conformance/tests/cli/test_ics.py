@@ -1,4 +1,4 @@
-"""`scaraspec ics`: a proforma with every question, and the check of a statement."""
+"""`scaraspec ics`: a proforma with all questions, and the check of an ICS."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,12 +16,12 @@ from scaraspec.suite.engine.ics import Ics
 
 
 def run(*arguments: str) -> Result:
-    """The command line with these arguments."""
+    """Run the command with these arguments."""
     return CliRunner().invoke(group, ["ics", *arguments])
 
 
 def test_unfilled(tmp_path: Path) -> None:
-    """Without a URL nothing is answered, and the statement is valid."""
+    """Without a URL no question is answered, and the ICS is valid."""
     path = tmp_path / "ics.toml"
     assert run("new", "--out", str(path)).output == f"{path}\n"
     assert Ics.read(path) == Ics()
@@ -29,8 +29,8 @@ def test_unfilled(tmp_path: Path) -> None:
     assert run("check", str(path)).output == f"{path}: no contradiction\n"
 
 
-def test_a_file_is_never_overwritten(refused: Callable[..., str], tmp_path: Path) -> None:
-    """A file that exists stays as it is."""
+def test_an_existing_file_is_not_overwritten(refused: Callable[..., str], tmp_path: Path) -> None:
+    """An existing file is not changed."""
     path = tmp_path / "ics.toml"
     path.write_text("mine")
     assert "exists: name a new file" in refused("ics", "new", "--out", str(path))
@@ -45,7 +45,7 @@ def test_a_file_that_cannot_be_written(processes: Any, tmp_path: Path) -> None:
 
 
 def test_filled_in_by_queries(processes: Any, relay: Callable[..., Any], tmp_path: Path) -> None:
-    """What queries show is claimed; only logins and queries are sent."""
+    """The ICS has the claims that queries show; only logins and queries are sent."""
     path = tmp_path / "ics.toml"
     upstream = processes.controller("--reading", "op_get_default=0x13")
     sent: list[bytearray] = []
@@ -81,9 +81,9 @@ def test_filled_in_by_queries(processes: Any, relay: Callable[..., Any], tmp_pat
 
 
 def test_claims_are_verified(processes: Any, tmp_path: Path) -> None:
-    """A right claim is named, a wrong one and a served command in `lacks` give status 1.
+    """A right claim is confirmed; a wrong claim or a served command in `lacks` gives status 1.
 
-    Another violation, such as a version without data, is no mistake of the statement.
+    A violation that concerns no claim, such as a version without data, is no mistake in the ICS.
     """
     url = "tcp://{}:{}".format(*processes.controller("--mutant", "no-version"))
     path = tmp_path / "ics.toml"
@@ -116,15 +116,16 @@ def test_files_and_links_that_cannot_be_used(refused: Callable[..., str], tmp_pa
     """Exit status 2."""
     path = tmp_path / "ics.toml"
     assert "cannot be read" in refused("ics", "check", str(path))
-    path.write_text("[")
-    assert "is not valid TOML" in refused("ics", "check", str(path))
+    for text in ("[", "a = " + "[" * 5000):
+        path.write_text(text)
+        assert "is not valid TOML" in refused("ics", "check", str(path))
     path.write_text("")
     assert "x://" in refused("ics", "check", str(path), "x://robot")
     assert "x://" in refused("ics", "new", "x://robot")
 
 
 def test_mistakes_are_listed(tmp_path: Path) -> None:
-    """Each mistake has a sentence, and all are listed."""
+    """Each mistake has a message, and all are listed."""
     path = tmp_path / "ics.toml"
     path.write_text(
         '[subject]\nnmae = "x"\nlacks = ["fly"]\n[readings]\nendian = "left"\n'
@@ -132,9 +133,9 @@ def test_mistakes_are_listed(tmp_path: Path) -> None:
     )
     ended = run("check", str(path))
     assert ended.exit_code == 1
-    for line, said in zip(
+    for line, reported in zip(
         ended.output.splitlines(),
         ("subject.nmae is not known", "'fly'", "endian cannot be", "sample.serial is not known"),
         strict=True,
     ):
-        assert said in line
+        assert reported in line

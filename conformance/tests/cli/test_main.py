@@ -1,4 +1,4 @@
-"""The installed command line, in any working folder."""
+"""The installed command in different working directories."""
 
 import subprocess
 import sys
@@ -16,15 +16,16 @@ COMMAND = Path(sysconfig.get_path("scripts"), "scaraspec")
 @pytest.mark.parametrize(
     "lines",
     [
-        # There is no screen: the viewer is started, and ends.
+        # Without a screen the viewer starts and ends.
         (("demo --out out", 0), ("view out/capture.mcap", 3)),
         (("prove --only 4.8/2 --quick", 0),),
     ],
 )
-def test_nothing_is_run_that_lies_where_somebody_works(
+def test_no_code_in_the_working_directory_is_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: tuple[tuple[str, int], ...]
 ) -> None:
-    """A file may be called there like a module of Python, of a library, or like ours."""
+    """Files in the working directory never replace modules of Python, of libraries or of
+    scaraspec."""
     for screen in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(screen, raising=False)
     for name in ("multiprocessing", "rerun", "scaraspec", "signal", "types"):

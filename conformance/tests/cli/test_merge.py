@@ -1,4 +1,4 @@
-"""`scaraspec merge`, called as a user calls it."""
+"""`scaraspec merge` on the command line."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ def sittings(folder: Path) -> tuple[str, str]:
 
 
 def test_two_sittings(processes: Any, tmp_path: Path) -> None:
-    """The reports list both verdicts, and the failure decides; the sittings are unchanged."""
+    """The reports list both verdicts, the failure decides, and the sittings are not changed."""
     paths, out = sittings(tmp_path), tmp_path / "merged"
     before = Path(paths[1]).read_bytes()
     ended = processes.run("merge", *paths, "--out", str(out))

@@ -35,7 +35,7 @@ def test_mutants_violate_known_requirements(role: Role, fewest: int, fewest_subt
 
 @pytest.mark.parametrize("role", ["controller", "client"])
 def test_a_sample_of_the_mutants_is_killed(processes: Any, tmp_path: Path, role: str) -> None:
-    """The output and the kill matrix say so; `make prove` runs all mutants."""
+    """The output and the kill matrix show the kills; `make prove` runs all mutants."""
     sample = ("--quick", "--only", "4.8", "--every", "5", "--examples", "5")
     done = processes.run("prove", "--role", role, *sample, "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""`scaraspec record` between a real client and the virtual controller, witnessed on each side."""
+"""`scaraspec record` between a client and the virtual controller, with a relay on each side."""
 
 import contextlib
 import signal
@@ -21,13 +21,13 @@ PASSWORD = "a-secret-of-this-test"
 
 
 def address_in(line: str) -> tuple[str, int]:
-    """The address that a line like ``recording 127.0.0.1:40001 to …`` begins with."""
+    """The address at the beginning of a line like ``recording 127.0.0.1:40001 to …``."""
     host, _, port = line.split()[1].rpartition(":")
     return host, int(port)
 
 
 def streams(file: Path) -> dict[str, dict[Any, bytes]]:
-    """What a capture holds of each connection and direction; no gap may be in it."""
+    """The bytes of each connection and direction in a capture, which must have no gap."""
     found: dict[str, dict[Any, bytes]] = defaultdict(lambda: {A2C: b"", C2A: b""})
     for event in open_capture(file, port=None):
         assert event.kind is not Kind.GAP
@@ -42,7 +42,7 @@ def streams(file: Path) -> dict[str, dict[Any, bytes]]:
 def test_every_byte_is_recorded(
     processes: Any, witness: Callable[..., Any], tmp_path: Path, *, redact: bool
 ) -> None:
-    """The raw bytes in the MCAP are those that client and controller sent."""
+    """The MCAP has the raw bytes that client and controller sent."""
     out = tmp_path / "out"
     controller = processes.controller("--password", PASSWORD)
     options = ["--redact"] if redact else []
@@ -58,21 +58,22 @@ def test_every_byte_is_recorded(
             now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
             session.run(robot, tmp_path, now, lambda _: None)
         recorder.send_signal(signal.SIGINT)
-        told, _ = recorder.communicate(timeout=60)
-    assert recorder.returncode == 0, told
+        printed, _ = recorder.communicate(timeout=60)
+    assert recorder.returncode == 0, printed
     assert near.seen == far.seen
     ((sent, got),) = near.seen
     (recorded,) = streams(out / "capture.mcap").values()
     secret = PASSWORD.encode()
     expected = bytes(sent).replace(secret, b"*" * len(secret)) if redact else bytes(sent)
     assert recorded == {A2C: expected, C2A: bytes(got)}
-    assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in told
+    assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in printed
     assert secret not in (out / "capture.rrd").read_bytes()
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
-    """A capture without any frame is not called conformant, whether a robot was there or not."""
+def test_a_capture_without_a_complete_frame(processes: Any, tmp_path: Path, *, there: bool) -> None:
+    """A capture without a complete frame is not conformant, whether a controller answered or
+    not."""
     with socket.create_server(("127.0.0.1", 0)) as robot:
         where = "tcp://{}:{}".format(*robot.getsockname())
         if not there:
@@ -100,7 +101,7 @@ def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("http://127.0.0.1",), "http"),
         (("tcp://127.0.0.1", "--listen", "nowhere"), "nowhere"),
@@ -108,7 +109,7 @@ def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
     ],
 )
 def test_usage(
-    refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], says: str
+    refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     """User errors are reported."""
-    assert says in refused("record", *arguments, "--out", str(tmp_path))
+    assert message in refused("record", *arguments, "--out", str(tmp_path))

@@ -1,4 +1,4 @@
-"""`scaraspec record --live` with a viewer that has no screen: it saves what it is sent."""
+"""`scaraspec record --live` with a viewer without a screen, which saves what it receives."""
 
 import os
 import select
@@ -35,7 +35,7 @@ pytestmark = [
 
 
 def until(condition: Callable[[], Any]) -> Any:
-    """Wait for what another process does."""
+    """Wait for a change by another process."""
     until_s = time.monotonic() + DEADLINE_S
     while not (found := condition()):
         assert time.monotonic() < until_s, "waited in vain"
@@ -44,7 +44,7 @@ def until(condition: Callable[[], Any]) -> Any:
 
 
 def below(pid: int) -> list[int]:
-    """The processes that a process has started, and theirs."""
+    """The child processes of a process, and their children."""
     try:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     except OSError:
@@ -53,7 +53,7 @@ def below(pid: int) -> list[int]:
 
 
 def is_viewer(pid: int) -> bool:
-    """Whether it is the viewer itself, which a Python program starts."""
+    """Whether this is the viewer itself, which a Python program starts."""
     try:
         return Path(f"/proc/{pid}/comm").read_text().strip() == "rerun"
     except OSError:
@@ -81,30 +81,30 @@ class Session:
         self.viewer = next(pid for pid in below(self.recorder.pid) if is_viewer(pid))
 
     def ask(self) -> None:
-        """A client's session."""
+        """Run a session of a client."""
         dialect = DEFAULT.replace(reply_timeout=f"{DEADLINE_S}")
         with Client(self._url, password="password", dialect=dialect) as robot:
             robot.get_joint_angles()
             robot.get_status()
 
     def end(self) -> str:
-        """Ctrl-C, which a terminal sends to all that it has started; return what was said."""
+        """Send Ctrl-C to the process group, as a terminal does; return the output."""
         os.killpg(self.recorder.pid, signal.SIGINT)
-        told, _ = self.recorder.communicate(timeout=DEADLINE_S)
-        return told
+        printed, _ = self.recorder.communicate(timeout=DEADLINE_S)
+        return printed
 
     def recorded(self) -> int:
-        """How many bytes are in the capture."""
+        """The number of bytes in the capture."""
         return sum(len(e.data) for e in open_capture(self.out / "capture.mcap", port=None))
 
     def drawn(self) -> set[str]:
-        """Which entities the viewer got."""
-        with pytest.warns(match="no footer"):  # the viewer writes none
+        """The entities that the viewer received."""
+        with pytest.warns(match="no footer"):  # the viewer writes no such entity
             reader = chunks.RrdReader(self.shown)
         return {chunk.entity_path for chunk in reader.stream().to_chunks()}
 
     def close(self) -> None:
-        """Let nothing outlive the test."""
+        """End all processes."""
         for pid in (self.viewer, self.recorder.pid):
             try:
                 os.kill(pid, signal.SIGKILL)
@@ -120,28 +120,29 @@ def session(processes: Any, tmp_path: Path) -> Iterator[Session]:
     session.close()
 
 
-def test_what_passes_is_drawn(session: Session) -> None:
-    """While it passes; the viewer stays when the recording ends."""
+def test_traffic_is_drawn_live(session: Session) -> None:
+    """Traffic is drawn while it passes; the viewer stays open when the recording ends."""
     session.ask()
     until(lambda: session.shown.stat().st_size > 100_000)
-    told = session.end()
-    assert session.recorder.returncode == 0, told
+    printed = session.end()
+    assert session.recorder.returncode == 0, printed
     assert is_viewer(session.viewer)
     os.kill(session.viewer, signal.SIGINT)
     until(lambda: not is_viewer(session.viewer))
-    wanted = {"/joint/wrist", "/state/robot", "/state/link", "/latency/queries", "/log/exchanges"}
-    assert wanted <= session.drawn()
+    expected = {"/joint/wrist", "/state/robot", "/state/link", "/latency/queries", "/log/exchanges"}
+    assert expected <= session.drawn()
     assert session.recorded() > 0
 
 
-def test_a_viewer_that_takes_nothing_delays_nothing(session: Session) -> None:
-    """It is stopped in its tracks: clients are served, all is recorded, and the end is not far."""
+def test_a_stopped_viewer_delays_nothing(session: Session) -> None:
+    """The viewer process is stopped: clients are served, everything is recorded, and the recorder
+    ends quickly."""
     os.kill(session.viewer, signal.SIGSTOP)
     for _ in range(SESSIONS):
         session.ask()
-    told = session.end()
-    assert session.recorder.returncode == 0, told
-    assert f"\n{SESSIONS} connections" in told
-    size_bytes = int(told.partition("from the client: ")[2].partition(" ")[0])
-    assert f"{size_bytes} bytes received and forwarded = {size_bytes} recorded + 0" in told
-    assert "the viewer does not show the end of the recording" in told
+    printed = session.end()
+    assert session.recorder.returncode == 0, printed
+    assert f"\n{SESSIONS} connections" in printed
+    size_bytes = int(printed.partition("from the client: ")[2].partition(" ")[0])
+    assert f"{size_bytes} bytes received and forwarded = {size_bytes} recorded + 0" in printed
+    assert "the viewer does not show the end of the recording" in printed

@@ -1,4 +1,4 @@
-"""`scaraspec record` beside files of other programs, users and faults of the disk."""
+"""`scaraspec record` and files of other programs, access rights, faults of the disk."""
 
 import shutil
 import signal
@@ -36,7 +36,7 @@ def acknowledged_bytes(out: Path) -> int:
 
 @pytest.mark.parametrize("options", [(), ("--keep", "1h")])
 def test_foreign_files_are_kept(processes: Any, tmp_path: Path, options: tuple[str, ...]) -> None:
-    """Whatever their names are, and although they are old, empty or links."""
+    """Whatever their names are, and even if they are old, empty or links."""
     contents = {
         "empty.mcap": "",
         ".x.rrd.new": "mine",
@@ -80,7 +80,7 @@ def test_a_folder_that_cannot_be_written(refused: Callable[..., str], tmp_path: 
     for out in (tmp_path / "file", tmp_path / "file" / "folder"):
         message = refused("record", NOWHERE, *LOCAL, "--out", str(out))
         assert f"{out} is not a folder: name another one with --out" in message
-    # Not even the superuser can create a file there.
+    # Even root cannot create a file there.
     message = refused("record", NOWHERE, *LOCAL, "--out", "/proc")
     assert "cannot record 127.0.0.1:0 to /proc: " in message
 

@@ -11,15 +11,15 @@ pytestmark = pytest.mark.usefixtures("viewer")
 
 @pytest.fixture
 def recording(processes: Any, fixtures_dir: Path, tmp_path: Path) -> Path:
-    """A recording, without its picture."""
+    """A recording without its .rrd file."""
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
     path = tmp_path / "capture.mcap"
     assert processes.run("convert", str(source), str(path)).returncode == 0
     return path
 
 
-def test_a_torn_recording(processes: Any, recording: Path) -> None:
-    """It says what was kept and what is lost, and draws it; the second time all is whole."""
+def test_a_truncated_recording(processes: Any, recording: Path) -> None:
+    """It reports kept and lost data and writes the .rrd; a second repair finds nothing to do."""
     recording.write_bytes(recording.read_bytes()[:-100])
     done = processes.run("recover", str(recording))
     assert done.returncode == 3, done.stderr
@@ -30,8 +30,8 @@ def test_a_torn_recording(processes: Any, recording: Path) -> None:
     assert notes[-1] == f"  {recording.with_suffix('.rrd')} written again"
     again = processes.run("recover", str(recording))
     assert again.returncode == 0
-    whole, note = again.stdout.splitlines()
-    assert whole == first.replace("repaired", "whole")
+    complete, note = again.stdout.splitlines()
+    assert complete == first.replace("repaired", "whole")
     assert note.startswith("  the file was repaired earlier: the file was not closed")
     judged = processes.run("audit", str(recording))
     assert judged.returncode == 3 or "nonconformant" in judged.stdout
@@ -39,7 +39,7 @@ def test_a_torn_recording(processes: Any, recording: Path) -> None:
 
 
 def test_a_damaged_recording_is_kept(processes: Any, fixtures_dir: Path, tmp_path: Path) -> None:
-    """The repaired file has all messages; later readers report the repair."""
+    """The repaired file has all messages; programs that read it later report the repair."""
     path = tmp_path / "capture.mcap"
     damaged = (fixtures_dir / "captures" / "cases" / "one-flipped-bit.mcap").read_bytes()
     path.write_bytes(damaged)
@@ -71,8 +71,8 @@ def test_a_recording_of_another_writer(
 
 
 @pytest.mark.parametrize("cut", [0, -40])
-def test_a_torn_picture(processes: Any, recording: Path, cut: int) -> None:
-    """A picture that is missing or torn is drawn again, and that is no loss."""
+def test_a_truncated_rrd_file(processes: Any, recording: Path, cut: int) -> None:
+    """A .rrd file that is missing or cut off is written again, which is not reported as a loss."""
     drawn = recording.with_suffix(".rrd")
     assert processes.run("recover", str(recording)).returncode == 0
     drawn.write_bytes(drawn.read_bytes()[:cut])
@@ -83,8 +83,8 @@ def test_a_torn_picture(processes: Any, recording: Path, cut: int) -> None:
     assert sorted(path.name for path in recording.parent.iterdir()) == ["capture.mcap", drawn.name]
 
 
-def test_one_that_is_beyond_repair_hinders_no_other(processes: Any, recording: Path) -> None:
-    """It is reported in one sentence, the others are repaired, and the exit status is 3."""
+def test_an_unrepairable_file_does_not_stop_the_others(processes: Any, recording: Path) -> None:
+    """One sentence reports it, the others are repaired, and the exit status is 3."""
     empty = recording.with_name("empty.mcap")
     empty.touch()
     done = processes.run("recover", str(empty), str(recording))
@@ -93,8 +93,8 @@ def test_one_that_is_beyond_repair_hinders_no_other(processes: Any, recording: P
     assert done.stdout.startswith(f"{recording}: whole")
 
 
-def test_what_is_being_recorded_is_left_alone(processes: Any, recording: Path) -> None:
-    """A repair would take the file away from under its recorder."""
+def test_a_recording_in_progress_is_not_repaired(processes: Any, recording: Path) -> None:
+    """A recording in progress is not repaired, because that would replace the recorder's file."""
     recorder = processes.start(
         *("record", "tcp://127.0.0.1:9", "--listen", "127.0.0.1:0"),
         *("--out", str(recording.parent)),
@@ -107,15 +107,15 @@ def test_what_is_being_recorded_is_left_alone(processes: Any, recording: Path) -
     recorder.communicate(timeout=60)
 
 
-def test_what_is_not_there(processes: Any, tmp_path: Path) -> None:
-    """A name that is no file is a usage error."""
+def test_a_missing_file(processes: Any, tmp_path: Path) -> None:
+    """A name without a file is a usage error."""
     done = processes.run("recover", str(tmp_path / "none.mcap"))
     assert done.returncode == 2
     assert "is not a file" in done.stderr
 
 
-def test_audit_checks_the_accounts(processes: Any, recording: Path, fixtures_dir: Path) -> None:
-    """A file that holds other bytes than its accounts say is inconclusive, whatever is in it."""
+def test_audit_checks_the_byte_counts(processes: Any, recording: Path, fixtures_dir: Path) -> None:
+    """A file whose bytes differ from its own byte counts is inconclusive."""
     source = fixtures_dir / "captures" / "field" / "plant-a-morning-shift.pcapng"
     shift = recording.with_name("shift.mcap")
     processes.run("convert", str(source), str(shift))

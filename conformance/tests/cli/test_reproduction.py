@@ -14,7 +14,7 @@ from scaraspec.report.reproduction import script_path, steps
 
 
 def repeat(script: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a script as a manufacturer does, who does not have scaraspec."""
+    """Run a script like a manufacturer without scaraspec."""
     command = [sys.executable, "-I", "-S", str(script), *arguments]
     environment = {**os.environ, "SCARASPEC_PASSWORD": "password"}
     return subprocess.run(
@@ -56,24 +56,26 @@ def failed(processes: Any, out: Path, mutant: str, only: str) -> tuple[Results, 
 def test_a_script_repeats_a_failure(
     processes: Any, tmp_path: Path, mutant: str, case_id: str, last: str
 ) -> None:
-    """It shows the same behaviour of the faulty controller, and another one of a correct one."""
+    """It shows the same behaviour with the faulty controller, and another one with a correct
+    one."""
     results, faulty = failed(processes, tmp_path / "out", mutant, case_id)
     (case,) = (c for c in results.cases if c.id == case_id)
     assert last in steps(case)[-1]
     script = tmp_path / "out" / script_path(case, results)
     again = repeat(script, "{}:{}".format(*faulty), "--yes")
-    assert "The recorded behaviour came again." in again.stdout, again.stdout + again.stderr
+    assert "The recorded behaviour occurred again." in again.stdout, again.stdout + again.stderr
     assert again.returncode == 0
     for text in (case.id, case.message, case.replay, steps(case)[-1]):
         assert text in again.stdout
     other = repeat(script, "{}:{}".format(*processes.controller()), "--yes")
-    assert other.stdout.endswith("Another behaviour came.\n"), other.stdout + other.stderr
+    assert other.stdout.endswith("Another behaviour occurred.\n"), other.stdout + other.stderr
     assert other.returncode == 1
 
 
 @pytest.mark.parametrize("case_id", ["4.15/3", "4.15/3.seen-1"])
 def test_a_script_that_moves_the_robot(processes: Any, tmp_path: Path, case_id: str) -> None:
-    """It asks for confirmation, also if the judge found it, and ends with an emergency stop."""
+    """It asks for confirmation, also for failures found by the judge, and ends with an emergency
+    stop."""
     results, (host, port) = failed(processes, tmp_path / "out", "refuses-run-in-one-byte", "4.15/3")
     (case,) = (c for c in results.cases if c.id == case_id)
     script = tmp_path / "out" / script_path(case, results)
@@ -88,7 +90,7 @@ def test_a_script_that_moves_the_robot(processes: Any, tmp_path: Path, case_id: 
 
 
 def test_a_failure_without_a_script(processes: Any, tmp_path: Path) -> None:
-    """Steps with a secret cannot be sent again: only the reproduction command is left."""
+    """Steps with a secret cannot be sent again: only the reproduction command is printed."""
     results, _ = failed(processes, tmp_path / "out", "change-answered-with-zero", "4.2/5")
     wrong = [case for case in results.cases if case.verdict is Verdict.FAIL]
     assert wrong

@@ -20,7 +20,8 @@ ICS = '[subject]\nname = "Cell 7"\nversion = "1.4"\n'
 
 
 def test_a_controller(processes: Any, tmp_path: Path) -> None:
-    """What failed or did not run is repeated, with the options of the run, in a new folder."""
+    """Cases that failed or did not run are repeated, with the options of the run, in a new
+    folder."""
     first, second = tmp_path / "first", tmp_path / "second"
     wrong = "tcp://{}:{}".format(*processes.controller("--mutant", "version-counts-requests"))
     options = ("--only", "4.7,4.8", "--examples", "3", "--seed", "5")
@@ -71,7 +72,8 @@ def plan(folder: Path, *arguments: str) -> str:
 
 
 def test_options_of_the_command_line(earlier: tuple[Results, Path], tmp_path: Path) -> None:
-    """An option of the command line replaces that of the earlier run; no hazard is taken over."""
+    """An option of the command line replaces that of the earlier run; allowed hazards are not
+    copied."""
     _, path = earlier
     assert plan(tmp_path, "--rerun-from", str(path)).startswith("0 of 1 cases will run")
     allowed = plan(tmp_path, "--rerun-from", str(path), "--allow", "state,motion")
@@ -100,20 +102,20 @@ def test_nothing_to_repeat(earlier: tuple[Results, Path], tmp_path: Path) -> Non
 def test_refusals(
     earlier: tuple[Results, Path], refused: Callable[..., str], tmp_path: Path
 ) -> None:
-    """Other subjects, claims and roles, and files that are no results, give exit status 2."""
+    """Other subjects, claims and roles, and files without results, give exit status 2."""
     results, path = earlier
     controller = ("certify", "controller", "--rerun-from", str(path), "--dry-run")
     assert "subject.name was Cell 7 and is not given" in refused(*controller)
     ics = tmp_path / "ics.toml"
     ics.write_text(f'{ICS}[readings]\nendian = "big"\n')
-    said = refused(*controller, "--ics", str(ics))
-    assert "readings.endian was not given and is big" in said
-    said = refused("certify", "client", "--rerun-from", str(path), "--dry-run")
-    assert "has the results of a controller" in said
+    reported = refused(*controller, "--ics", str(ics))
+    assert "readings.endian was not given and is big" in reported
+    reported = refused("certify", "client", "--rerun-from", str(path), "--dry-run")
+    assert "has the results of a controller" in reported
     unnamed = replace(results.subject, name="", version="")
     replace(results, subject=unnamed).write(path)
-    said = refused("certify", "controller", "tcp://elsewhere", *controller[2:])
-    assert "link was tcp://robot and is tcp://elsewhere" in said
+    reported = refused("certify", "controller", "tcp://elsewhere", *controller[2:])
+    assert "link was tcp://robot and is tcp://elsewhere" in reported
     path.write_text(json.dumps(json.loads(results.to_json()) | {"run": None}))
     assert "states no settings" in refused(*controller)
     path.unlink()

@@ -1,4 +1,4 @@
-"""`scaraspec requirements`, `program` and `frame`, called as a user calls them."""
+"""`scaraspec requirements`, `program` and `frame` on the command line."""
 
 import json
 import struct
@@ -11,7 +11,7 @@ from scaraspec.cli.main import COMMANDS, group, main
 
 
 def run(*arguments: str) -> Result:
-    """The command line with these arguments."""
+    """Run the command with these arguments."""
     return CliRunner().invoke(group, list(arguments))
 
 
@@ -26,7 +26,7 @@ def test_help_lists_every_command() -> None:
 
 
 def test_requirements_of_a_clause() -> None:
-    """A clause or an id chooses, whole numbers only."""
+    """A clause or an id selects; 4.1 does not select 4.15."""
     shown = run("requirements", "--clause", "4.1,3/31")
     assert "4.1/1" in shown.output
     assert "4.15/1" not in shown.output
@@ -34,7 +34,7 @@ def test_requirements_of_a_clause() -> None:
 
 
 def test_requirements_as_json() -> None:
-    """JSON holds the document's words beside ours."""
+    """JSON contains the document's words and our sentence."""
     (entry,) = json.loads(run("requirements", "--clause", "4.8/3", "--json").output)
     assert entry["strength"] == "firm"
     assert "空闲" in entry["original"]
@@ -50,19 +50,21 @@ def test_unknown_clause(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert told.startswith("scaraspec: --clause: ")
-    assert told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("scaraspec: --clause: ")
+    assert printed.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "message"),
     [
         ("call --timeout nan tcp://127.0.0.1:1 get_status", "is not a number"),
         ("controller --time-scale nan", "is not a number"),
         ("replay CAPTURE nowhere", "is not a link URL"),
-        ("audit CAPTURE --html CAPTURE", "is the capture"),
-        ("audit CAPTURE --json FOLDER", "FOLDER cannot be written"),
+        ("audit CAPTURE --html CAPTURE", "exists and is no earlier report of this kind"),
+        ("audit CAPTURE --json FOLDER", "FOLDER exists and is no earlier report of this kind"),
+        ("audit CAPTURE --json /dev/null", "/dev/null exists and is no earlier report"),
+        ("cases --html CAPTURE", "exists and is no earlier report of this kind"),
         ("demo --out CAPTURE", "is not a folder"),
         ("record tcp://127.0.0.1:1 --listen 127.0.0.1:0 --out CAPTURE", "is not a folder"),
     ],
@@ -74,7 +76,7 @@ def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter
     fixtures_dir: Path,
     *,
     line: str,
-    says: str,
+    message: str,
 ) -> None:
     """Wrong use is reported in one sentence, with exit status 2, and changes no file."""
     capture = tmp_path / "c.pcapng"
@@ -86,7 +88,7 @@ def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert says.replace("FOLDER", f"{tmp_path}") in capsys.readouterr().err
+    assert message.replace("FOLDER", f"{tmp_path}") in capsys.readouterr().err
     assert capture.read_bytes() == before
 
 
@@ -97,27 +99,27 @@ def test_hostile_file_name(
     tmp_path: Path,
     kept_bytes: int,
 ) -> None:
-    """A terminal acts on nothing in a file's name, be it no capture or one with nothing in it."""
+    """Control characters in a file name are escaped, for an empty capture and for another file."""
     capture = tmp_path / "\x1b]0;x\x07.pcap"
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     capture.write_bytes(head[:kept_bytes])
     monkeypatch.setattr("sys.argv", ["scaraspec", "audit", str(capture)])
     with pytest.raises(SystemExit):
         main()
-    told = capsys.readouterr()
-    assert "⟨U+001B⟩]0;x⟨U+0007⟩.pcap" in told.err
-    assert "\x1b" not in told.out + told.err
+    printed = capsys.readouterr()
+    assert "⟨U+001B⟩]0;x⟨U+0007⟩.pcap" in printed.err
+    assert "\x1b" not in printed.out + printed.err
 
 
 def test_program_show(fixtures_dir: Path) -> None:
-    """The listing is the one beside the sample."""
+    """The listing equals the file beside the sample."""
     sample = fixtures_dir / "programs" / "pick-and-place.rob"
     shown = run("program", "show", str(sample))
     assert shown.output == sample.with_suffix(".lst").read_text(encoding="utf-8")
 
 
 def test_program_check(fixtures_dir: Path) -> None:
-    """A sound program has status 0, a damaged one 1 and coded messages."""
+    """A valid program has status 0, a damaged one has status 1 and messages with codes."""
     programs = fixtures_dir / "programs"
     assert run("program", "check", str(programs / "pick-and-place.rob")).exit_code == 0
     for damaged in (programs / "damaged").glob("*.rob"):
@@ -128,7 +130,7 @@ def test_program_check(fixtures_dir: Path) -> None:
 
 
 def test_program_convert(fixtures_dir: Path, tmp_path: Path) -> None:
-    """A file converted to another layout lists the same; an existing target is kept."""
+    """A file converted to another layout has the same listing; an existing target is kept."""
     source, target = fixtures_dir / "programs" / "pick-and-place.rob", tmp_path / "new.rob"
     arguments = ("program", "convert", str(source), str(target), "--layout", "packed-big")
     assert run(*arguments).exit_code == 0
@@ -139,7 +141,7 @@ def test_program_convert(fixtures_dir: Path, tmp_path: Path) -> None:
 
 
 def test_frame() -> None:
-    """Frames are explained; what is wrong or no frame gives status 1."""
+    """Frames are explained; an invalid frame gives status 1."""
     assert run("frame", "AA0900CC", "CC09023030AA").exit_code == 0
     wrong = run("frame", "CC0424" + b"1 2 3".hex())
     assert wrong.exit_code == 1

@@ -1,4 +1,4 @@
-"""The reader of the output leaves, or the command is ended: nothing else is lost."""
+"""The output cannot be written, or a signal ends the command: nothing else is lost."""
 
 import os
 import pty
@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli import requirements
-from scaraspec.cli.main import main
+from scaraspec.cli.main import COMMANDS, main
 from scaraspec.client import Client, ClientError
 from scaraspec.report.model import Results
 
@@ -20,10 +20,10 @@ LIMIT_S = 60
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_reader_that_leaves(
+def test_a_reader_that_stops_reading(
     processes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbuffered: str
 ) -> None:
-    """As `| head` does: the report is written, and the exit status is that of the results."""
+    """After `| head` the report is still written, and the exit status is that of the results."""
     monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
     host, port = processes.controller("--mutant", "status-of-one-digit")
     words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
@@ -31,8 +31,45 @@ def test_a_reader_that_leaves(
     assert Results.read(tmp_path / "out" / "results.json").verdict.value == "nonconformant"
 
 
-def test_a_short_answer_is_no_failure() -> None:
-    """A status of 1 would say nonconformant."""
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_closed_output(command: str) -> None:
+    """It is as an output whose reader has left: a status of 1 would say nonconformant."""
+    words = ["sh", "-c", 'exec "$@" >&-', "sh", *SCARASPEC, command, "--help"]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=LIMIT_S, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_closed_output_and_a_verdict(processes: Any, tmp_path: Path) -> None:
+    """No file gets the descriptor of the output; the status is that of the results."""
+    host, port = processes.controller("--mutant", "status-of-one-digit")
+    words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    closing = ("sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *SCARASPEC, *words)
+    done = subprocess.run([*closing, "--out", str(tmp_path)], timeout=LIMIT_S, check=False)
+    assert done.returncode == 1
+    assert Results.read(tmp_path / "results.json").verdict.value == "nonconformant"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_the_command_is_imported(number: signal.Signals) -> None:
+    """It is not lost, also for the first process of a container, which has no default action."""
+    script = (
+        "import builtins, os\n"
+        "from scaraspec.cli import main\n"
+        "imported = builtins.__import__\n"
+        "def importing(name, *arguments):\n"
+        "    if name == 'scaraspec.cli.main':\n"
+        f"        os.kill(os.getpid(), {number.value})\n"
+        "    return imported(name, *arguments)\n"
+        "builtins.__import__ = importing\n"
+        "main()\n"
+    )
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert (done.returncode, done.stderr) == (3, "scaraspec: interrupted\n")
+
+
+def test_unread_output_of_a_short_command() -> None:
+    """Status 1 would mean nonconformant."""
     assert _unread("requirements") == 0
 
 
@@ -44,10 +81,11 @@ def _unread(*words: str) -> int:
         return run.wait(LIMIT_S)
 
 
-def test_a_terminal_without_every_character(
+def test_a_terminal_with_a_limited_encoding(
     processes: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As for files on Windows: missing characters are escaped, and the status is the same."""
+    """As for files on Windows: characters outside the encoding are escaped, and the status is the
+    same."""
     host, port = processes.controller("--mutant", "status-of-one-digit")
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
@@ -60,8 +98,8 @@ def test_a_terminal_without_every_character(
 
 
 @pytest.mark.parametrize(("words", "status"), [("requirements", 3), ("frame zz", 2)])
-def test_a_disk_that_is_full(words: str, status: int) -> None:
-    """Output that cannot be written is no success; any other status is the same."""
+def test_a_full_disk(words: str, status: int) -> None:
+    """If output cannot be written, status 0 becomes 3; any other status is the same."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*SCARASPEC, *words.split()],
@@ -77,7 +115,7 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("why", "told"),
+    ("why", "printed"),
     [
         (KeyboardInterrupt(), "scaraspec: interrupted\n"),
         (OSError(30, "Read-only file system"), "scaraspec: [Errno 30] Read-only file system\n"),
@@ -87,13 +125,13 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
         ),
     ],
 )
-def test_a_command_that_comes_to_no_end_has_no_verdict(
+def test_exit_status_of_an_interrupted_command(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     why: BaseException,
-    told: str,
+    printed: str,
 ) -> None:
-    """A status of 1 would say nonconformant. A traceback is for defects alone."""
+    """Status 1 would mean nonconformant. Only a defect prints a traceback."""
 
     def fail(**_: object) -> None:
         raise why
@@ -103,12 +141,12 @@ def test_a_command_that_comes_to_no_end_has_no_verdict(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 3
-    said = capsys.readouterr().err
-    assert said.endswith(told)
-    assert said == told or isinstance(why, KeyError)
+    reported = capsys.readouterr().err
+    assert reported.endswith(printed)
+    assert reported == printed or isinstance(why, KeyError)
 
 
-def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
+def test_a_lost_terminal(processes: Any, tmp_path: Path) -> None:
     """As with a remote shell: the files of the suite are deleted, and everything is reported."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
@@ -134,37 +172,36 @@ def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
     assert "run.interrupted" in {case.id for case in Results.read(out / "results.json").cases}
 
 
-def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> None:
-    """It ends in order."""
+def test_a_recording_with_a_lost_terminal(processes: Any, tmp_path: Path) -> None:
     host, port = processes.controller()
     recorder = processes.start(
         "record", f"tcp://{host}:{port}", "--listen", "127.0.0.1:0", "--out", str(tmp_path)
     )
     recorder.stdout.readline()
     recorder.send_signal(signal.SIGHUP)
-    told, _ = recorder.communicate(timeout=LIMIT_S)
-    assert recorder.returncode == 0, told
+    printed, _ = recorder.communicate(timeout=LIMIT_S)
+    assert recorder.returncode == 0, printed
     assert (tmp_path / "capture.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_what_a_command_has_started_ends_with_it(
+def test_child_processes_end_with_the_command(
     processes: Any, tmp_path: Path, number: signal.Signals
 ) -> None:
-    """Each signal ends it: the controller of the demo would otherwise listen forever."""
+    """Each signal also ends child processes, such as the controller of the demo."""
     demo = processes.start("demo", "--out", str(tmp_path / "out"))
-    told = demo.stdout.readline()
-    url = told.split()[-1]
+    printed = demo.stdout.readline()
+    url = printed.split()[-1]
     demo.send_signal(number)
-    told, _ = demo.communicate(timeout=LIMIT_S)
+    printed, _ = demo.communicate(timeout=LIMIT_S)
     assert demo.returncode == 3
-    assert told.endswith("scaraspec: interrupted\n")
+    assert printed.endswith("scaraspec: interrupted\n")
     with pytest.raises(ClientError, match="Connection refused"):
         Client(url, password="password").connect()
 
 
-def test_whoever_has_a_lost_terminal_ignored_is_obeyed() -> None:
-    """As nohup has."""
+def test_an_ignored_sighup_stays_ignored() -> None:
+    """SIGHUP is ignored, as under nohup."""
     words = [*SCARASPEC, "controller", "--listen", "127.0.0.1:0"]
     ignoring = ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", *words]
     with subprocess.Popen(ignoring, stdout=subprocess.PIPE, text=True) as serving:

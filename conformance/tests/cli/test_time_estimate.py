@@ -1,4 +1,4 @@
-"""The time that a certification takes: from typical durations, then from measured ones."""
+"""The estimated time of a certification: from typical durations, then from measured ones."""
 
 import io
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class Clock:
 
 @dataclass
 class Trial:
-    """A run of cases that take the same time each."""
+    """A run of cases that each take the same time."""
 
     moving: bool = False
     count: int = 100
@@ -54,12 +54,11 @@ class Trial:
 
 @pytest.fixture
 def output() -> io.StringIO:
-    """What is printed."""
     return io.StringIO()
 
 
 def test_measured_durations_replace_the_typical_ones() -> None:
-    """After some cases of ten seconds, the rest is expected to take as long."""
+    """After some cases of ten seconds, the remaining ones are expected to take ten seconds."""
     trial = Trial()
     before_s = trial.estimate.remaining_s
     for case in trial.cases[:50]:
@@ -87,7 +86,7 @@ def test_slow_replies_make_the_run_longer(output: io.StringIO) -> None:
 
 
 def test_a_case_that_does_not_run() -> None:
-    """It takes no time and is not measured; an outcome that is no case changes nothing."""
+    """It takes no time and is not measured; other outcomes change nothing."""
     trial = Trial(count=2)
     each_s = trial.estimate.remaining_s / 2
     trial.clock.now_s += 1000
@@ -108,12 +107,12 @@ def test_kinds_are_measured_separately() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "says"), [(1, "about 10 s"), (3, "about 2 min"), (240, "about 2 h 0 min")]
+    ("count", "message"), [(1, "about 10 s"), (3, "about 2 min"), (240, "about 2 h 0 min")]
 )
-def test_in_words(count: int, says: str) -> None:
-    """Rounded, because it is an estimate; an operator needs half a minute for a case."""
+def test_in_words(count: int, message: str) -> None:
+    """The time is rounded; an operator needs half a minute for a case."""
     cases = [Case(f"4.8/1.{n}", ("4.8/1",), READS) for n in range(count)]
-    assert str(TimeEstimate(cases, 30.0, asks=lambda _: count > 1)) == says
+    assert str(TimeEstimate(cases, 30.0, asks=lambda _: count > 1)) == message
 
 
 def test_the_plan(output: io.StringIO) -> None:
@@ -131,7 +130,7 @@ def test_the_plan(output: io.StringIO) -> None:
 
 
 def test_the_plan_of_an_attended_run(output: io.StringIO) -> None:
-    """It has the number of requests; only the cases that ask need the time of an operator."""
+    """It shows the number of requests; only cases with requests need the time of an operator."""
     options = Options(allowed=ALL, attended=True)
     cases = collect(options)
     estimate = estimate_of(cases, options, Ics())
@@ -144,7 +143,7 @@ def test_the_plan_of_an_attended_run(output: io.StringIO) -> None:
 
 
 def test_lines_without_a_terminal(output: io.StringIO) -> None:
-    """At most one in a minute."""
+    """At most one line is printed per minute."""
     trial = Trial()
     display = Display(Console(file=output), 100, trial.estimate, clock=trial.clock)
     for case in trial.cases[:7]:
@@ -156,7 +155,7 @@ def test_lines_without_a_terminal(output: io.StringIO) -> None:
 
 
 def test_a_terminal(output: io.StringIO) -> None:
-    """The bar has the time that is left, and no line is printed."""
+    """The progress bar shows the remaining time, and no line is printed."""
     trial = Trial()
     console = Console(file=output, force_terminal=True, width=120)
     display = Display(console, 100, trial.estimate, clock=trial.clock)
@@ -169,7 +168,7 @@ def test_a_terminal(output: io.StringIO) -> None:
 
 
 def test_the_line_of_an_operator(output: io.StringIO) -> None:
-    """The time that is left is in the line of each case."""
+    """The remaining time is in the line of each case."""
     trial = Trial(count=1)
     display = Display(Console(file=output), 1, trial.estimate, ticks=True, clock=trial.clock)
     trial.run(display, trial.cases[0], 5)

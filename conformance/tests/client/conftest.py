@@ -43,15 +43,15 @@ class Play:
         """Return opcode and data of the frames sent since the last call."""
         return frames_of(self.core.bytes_to_send())
 
-    def says(self, opcode: int, data: bytes = b"", *, tagged: bool = False) -> list[Event]:
+    def receive_frame(self, opcode: int, data: bytes = b"", *, tagged: bool = False) -> list[Event]:
         """Receive a frame from the controller."""
-        return self.wait_for_any(Frame(C2A, opcode, data, tagged).encode())
+        return self.receive_bytes(Frame(C2A, opcode, data, tagged).encode())
 
-    def wait_for_any(self, data: bytes) -> list[Event]:
+    def receive_bytes(self, data: bytes) -> list[Event]:
         """Receive bytes."""
         return self.core.feed(data, self.now_s)
 
-    def waits(self, seconds: float) -> None:
+    def wait_for(self, seconds: float) -> None:
         """Receive nothing for `seconds`; the time advances from deadline to deadline."""
         until_s = self.now_s + seconds
         while (due_s := self.core.deadline_s) is not None and due_s <= until_s:
@@ -71,7 +71,7 @@ class ScriptedLink:
         self, answer: Callable[[int, bytes], Iterable[tuple[float, bytes | Ending]]]
     ) -> None:
         self.now_s = 1000.0
-        self.asked: list[tuple[int, bytes]] = []
+        self.requests: list[tuple[int, bytes]] = []
         self.closed = False
         self._answer = answer
         self._coming: deque[tuple[float, bytes | Ending]] = deque()
@@ -79,7 +79,7 @@ class ScriptedLink:
     def send(self, data: bytes) -> int:
         """Record requests and schedule the replies."""
         for opcode, request in frames_of(data):
-            self.asked.append((opcode, request))
+            self.requests.append((opcode, request))
             for delay_s, what in self._answer(opcode, request):
                 self._coming.append((self.now_s + delay_s, what))
         self._coming = deque(sorted(self._coming, key=lambda coming: coming[0]))

@@ -64,7 +64,7 @@ class Loop(asyncio.SelectorEventLoop):
 
 
 class Controller:
-    """The controller: it waits for requests and sends what the test tells it."""
+    """The controller: it waits for requests and sends the replies of the test."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -73,7 +73,7 @@ class Controller:
         self._frames: list[Any] = []
 
     async def expect(self, *opcodes: int) -> bytes:
-        """Wait for these requests; the data of the last."""
+        """Wait for these requests; return the data of the last."""
         for opcode in opcodes:
             while not self._frames:
                 self._frames = self._framer.feed(await self._reader.read(4096))
@@ -81,7 +81,7 @@ class Controller:
             assert frame.opcode == opcode
         return bytes(frame.data)
 
-    def say(self, opcode: int, data: bytes = b"1", *, tagged: bool = False) -> None:
+    def send_frame(self, opcode: int, data: bytes = b"1", *, tagged: bool = False) -> None:
         """Send a frame."""
         self.writer.write(Frame(C2A, opcode, data, tagged).encode())
 
@@ -118,7 +118,7 @@ def test_async_with_logs_in_and_closes() -> None:
         client = AsyncClient(URL, password=PASSWORD)
         entering = asyncio.create_task(client.__aenter__())
         assert await controller.expect(0x01) == b"password"
-        controller.say(0x01)
+        controller.send_frame(0x01)
         assert await entering is client
         await client.__aexit__(None, None, None)
         with pytest.raises(LinkLost, match="this client was closed"):
@@ -130,12 +130,12 @@ def test_async_with_logs_in_and_closes() -> None:
 
 
 def test_a_failed_login_closes() -> None:
-    """4.1/5."""
+    """The connection is closed after a refused login (4.1/5)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         login = asyncio.create_task(client.login("wrong"))
         await controller.expect(0x01)
-        controller.say(0x01, b"0")
+        controller.send_frame(0x01, b"0")
         with pytest.raises(LoginFailed):
             await login
         with pytest.raises(LoginFailed):
@@ -145,35 +145,53 @@ def test_a_failed_login_closes() -> None:
 
 
 def test_reply_or_timeout() -> None:
-    """A-3-15, T/9."""
+    """A missing reply raises an error after 5 s; a slow one is accepted (A-3-15, T/9)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         began_s = asyncio.get_running_loop().time()
         with pytest.raises(ReplyTimeout):
             await client.get_version()
         assert asyncio.get_running_loop().time() - began_s == pytest.approx(5)
+        time = asyncio.create_task(client.get_time())
+        await controller.expect(0x08, 0x07)
+        for byte in Frame(C2A, 0x07, b"20141222143000").encode():
+            controller.writer.write(bytes((byte,)))
+            await asyncio.sleep(0.2)
+        assert (await time).year == 2014
+
+    perform(play)
+
+
+def test_the_link_ends_if_a_reply_cannot_be_assigned() -> None:
+    """One reply comes for two requests; the client then closes the connection."""
+
+    async def play(client: AsyncClient, controller: Controller) -> None:
+        with pytest.raises(ReplyTimeout):
+            await client.get_version()
         version = asyncio.create_task(client.get_version())
         await controller.expect(0x08, 0x08)
-        for byte in Frame(C2A, 0x08, b"1.0.0").encode():
-            controller.writer.write(bytes((byte,)))
-            await asyncio.sleep(0.4)
-        assert await version == "1.0.0"
+        controller.writer.write(Frame(C2A, 0x08, b"1.0.0").encode())
+        with pytest.raises(ReplyTimeout):
+            await version
+        with pytest.raises(LinkLost, match="replies to get_version came late"):
+            await client.get_status()
+        assert await controller._reader.read() == b""
 
     perform(play)
 
 
 def test_emergency_stop_interrupts_a_run() -> None:
-    """4.17/10, 4.17/9: another task stops the run, which gets no result of its own."""
+    """4.17/10, 4.17/9: another task stops the run, whose own final result does not arrive."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         run = asyncio.create_task(client.run_program("a.rob"))
         await controller.expect(0x30)
-        controller.say(0x30)
+        controller.send_frame(0x30)
         await asyncio.sleep(3600)
         halt = asyncio.create_task(client.emergency_stop())
         await controller.expect(0x32)
-        controller.say(0x32)
-        controller.say(0x32, b"11", tagged=True)
+        controller.send_frame(0x32)
+        controller.send_frame(0x32, b"11", tagged=True)
         await halt
         with pytest.raises(Interrupted, match="its own result did not arrive"):
             await run
@@ -187,16 +205,16 @@ def test_other_commands_work_while_one_is_pending() -> None:
     async def play(client: AsyncClient, controller: Controller) -> None:
         starting = asyncio.create_task(client.start_reset())
         await controller.expect(0x33)
-        controller.say(0x33)
+        controller.send_frame(0x33)
         pending = await starting
         assert (pending.accepted, pending.done) == (True, False)
         with pytest.raises(ReplyTimeout, match="no final result after 10 s"):
             await pending.wait(10)
-        controller.say(0x33, b"11", tagged=True)
+        controller.send_frame(0x33, b"11", tagged=True)
         await pending.wait()
         starting = asyncio.create_task(client.start_jog("+y"))
         await controller.expect(0x3D)
-        controller.say(0x3D, b"0|04")
+        controller.send_frame(0x3D, b"0|04")
         pending = await starting
         assert not pending.accepted
         with pytest.raises(Refused, match="04, moving"):
@@ -208,43 +226,43 @@ def test_other_commands_work_while_one_is_pending() -> None:
 
 
 def test_equal_requests_are_serialised() -> None:
-    """3/25."""
+    """A second request with the same opcode waits for the reply to the first (3/25)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
-        asked = [asyncio.create_task(client.get_status()) for _ in range(3)]
+        tasks = [asyncio.create_task(client.get_status()) for _ in range(3)]
         for code in (b"00", b"01", b"02"):
             await controller.expect(0x09)
-            controller.say(0x09, code)
-        assert sorted(status.code for status in await asyncio.gather(*asked)) == ["00", "01", "02"]
+            controller.send_frame(0x09, code)
+        assert sorted(status.code for status in await asyncio.gather(*tasks)) == ["00", "01", "02"]
 
     perform(play)
 
 
 def test_files_are_transferred(tmp_path: Path) -> None:
     """Upload and download with progress."""
-    content, told = bytes(range(250)) * 2, []
+    content, printed = bytes(range(250)) * 2, []
     (tmp_path / "a.rob").write_bytes(content)
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         upload = asyncio.create_task(
-            client.upload(tmp_path / "a.rob", progress=lambda *p: told.append(p))
+            client.upload(tmp_path / "a.rob", progress=lambda *p: printed.append(p))
         )
         await controller.expect(0x50)
-        controller.say(0x50)
+        controller.send_frame(0x50)
         for _ in range(3):
             await controller.expect(0x52)
-            controller.say(0x52)
+            controller.send_frame(0x52)
         await upload
         download = asyncio.create_task(client.download("b.rob", tmp_path / "b.rob"))
         await controller.expect(0x54)
-        controller.say(0x54)
+        controller.send_frame(0x54)
         for chunk in chunks_of(content):
-            controller.say(0x56, FILE_DATA.encode(chunk, DEFAULT))
+            controller.send_frame(0x56, FILE_DATA.encode(chunk, DEFAULT))
             assert await controller.expect(0x56) == b"1"
         assert await download == tmp_path / "b.rob"
 
     perform(play)
-    assert told == [(200, 500), (400, 500), (500, 500)]
+    assert printed == [(200, 500), (400, 500), (500, 500)]
     assert (tmp_path / "b.rob").read_bytes() == content
 
 
@@ -254,19 +272,19 @@ def test_a_cancelled_upload_is_signalled() -> None:
     async def play(client: AsyncClient, controller: Controller) -> None:
         upload = asyncio.create_task(client.upload_bytes(b"x" * 500, "a.rob"))
         await controller.expect(0x50)
-        controller.say(0x50)
+        controller.send_frame(0x50)
         await controller.expect(0x52)
         upload.cancel()
         with pytest.raises(asyncio.CancelledError):
             await upload
-        controller.say(0x52)
+        controller.send_frame(0x52)
         assert FILE_DATA.decode(await controller.expect(0x52)).value.length == 0
 
     perform(play)
 
 
 def test_transfer_timeout() -> None:
-    """5.2/9."""
+    """Silence after the name ends a download (5.2/9)."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         with pytest.raises(TransferFailed, match="no frame for 30 s"):
@@ -276,7 +294,7 @@ def test_transfer_timeout() -> None:
     perform(play)
 
 
-def test_it_talks_to_the_virtual_controller(tmp_path: Path) -> None:
+def test_session_with_the_virtual_controller(tmp_path: Path) -> None:
     """Over TCP in one process."""
 
     async def main() -> None:
@@ -299,7 +317,7 @@ def test_it_talks_to_the_virtual_controller(tmp_path: Path) -> None:
 
 
 def test_link_end_raises_link_lost() -> None:
-    """For waiting calls and for later calls."""
+    """Calls in progress and later calls raise it."""
 
     async def play(client: AsyncClient, controller: Controller) -> None:
         status = asyncio.create_task(client.get_status())
@@ -326,7 +344,7 @@ def test_failed_connection_raises_link_lost() -> None:
 
 
 def test_only_network_links_are_accepted() -> None:
-    """The message says what to use instead; a call before `connect` says to connect."""
+    """The message names the alternative; a call before `connect` asks to connect first."""
     with pytest.raises(UrlError, match="use Client"):
         AsyncClient("serial:///dev/rfcomm0")
 

@@ -27,7 +27,7 @@ from scaraspec.transports.link import Ending
 from scaraspec.transports.tcp import SocketLink
 from scaraspec.transports.url import UrlError
 
-ANSWER_WITHIN_S = 20  # a bound for tests that hang, far beyond what they take
+ANSWER_WITHIN_S = 20  # a limit for tests that hang, much longer than a test takes
 
 
 def c2a(opcode: int, data: bytes = b"", *, tagged: bool = False) -> bytes:
@@ -36,7 +36,7 @@ def c2a(opcode: int, data: bytes = b"", *, tagged: bool = False) -> bytes:
 
 
 def polite(opcode: int, _data: bytes) -> list[tuple[float, Any]]:
-    """A controller that accepts everything; a run takes an hour."""
+    """A controller that accepts everything; a program runs for an hour."""
     if opcode == 0x30:
         return [(0.1, c2a(0x30, b"1")), (3600, c2a(0x30, b"11", tagged=True))]
     if opcode == 0x54:
@@ -64,7 +64,7 @@ def test_with_connects_logs_in_and_closes(scripted_link: Any) -> None:
     link = scripted_link(polite)
     with Client(link, password="secret") as client:
         assert client.get_status().code == "00"
-    assert link.asked == [(0x01, b"secret"), (0x09, b"")]
+    assert link.requests == [(0x01, b"secret"), (0x09, b"")]
     assert link.closed
     with pytest.raises(LinkLost, match="this client was closed"):
         client.get_status()
@@ -77,11 +77,11 @@ def test_a_failed_login_closes(scripted_link: Any) -> None:
     with pytest.raises(LoginFailed), Client(link, password=b"wrong"):
         pytest.fail("the controller refused the password")
     assert link.closed
-    assert link.asked == [(0x01, b"wrong")]
+    assert link.requests == [(0x01, b"wrong")]
 
 
-def test_nothing_works_before_connecting() -> None:
-    """The message says to connect."""
+def test_calls_before_connecting_fail() -> None:
+    """The message asks to connect first."""
     client = Client("tcp://127.0.0.1")
     with pytest.raises(LinkLost, match="call connect"):
         client.login("password")
@@ -97,14 +97,14 @@ def test_failed_connection_raises_link_lost() -> None:
             pytest.fail("nothing listens there")
 
 
-def test_invalid_url_is_rejected_at_once() -> None:
+def test_invalid_url_is_rejected_immediately() -> None:
     """Before anything is opened."""
     with pytest.raises(UrlError):
         Client("robot.local")
 
 
 def test_no_login_is_needed_over_a_serial_line() -> None:
-    """L83."""
+    """Over a serial line the client counts as logged in (L83)."""
     assert Client("serial:///dev/rfcomm0")._core.logged_in
     assert not Client("tcp://127.0.0.1")._core.logged_in
 
@@ -119,12 +119,26 @@ def test_reply_or_timeout(scripted_link: Any) -> None:
     with pytest.raises(ReplyTimeout):
         client.get_status()
     assert link.now_s - began_s == pytest.approx(5)
-    assert client.get_status().code == "00"
+    assert client.get_version() == "1"
+
+
+def test_the_link_ends_if_a_reply_cannot_be_assigned(scripted_link: Any) -> None:
+    """One reply comes for two requests; the client then closes the link."""
+    silent = [True, False]
+    link = scripted_link(lambda *frame: [] if silent.pop(0) else polite(*frame))
+    client = Client(link)
+    client._core.logged_in = True
+    for _ in range(2):
+        with pytest.raises(ReplyTimeout):
+            client.get_status()
+    assert link.closed
+    with pytest.raises(LinkLost, match="replies to get_status came late"):
+        client.get_version()
 
 
 @pytest.mark.parametrize("ending", Ending)
 def test_link_end_raises_link_lost(scripted_link: Any, ending: Ending) -> None:
-    """For waiting calls and for later calls."""
+    """Calls in progress and later calls raise it."""
     client = Client(scripted_link(lambda *_: [(1, ending)]))
     client._core.logged_in = True
     for _ in range(2):
@@ -181,12 +195,12 @@ def test_observed_readings_and_remarks(scripted_link: Any) -> None:
 
 
 def test_progress_is_reported(scripted_link: Any, tmp_path: Path) -> None:
-    """After every chunk, with the file size."""
-    told: list[tuple[int, int | None]] = []
+    """The callback is called after every chunk, with the file size."""
+    printed: list[tuple[int, int | None]] = []
     with Client(scripted_link(polite), password="p") as client:
-        client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: told.append(progress))
-        client.download("a.rob", tmp_path / "a.rob", lambda *progress: told.append(progress))
-    assert told == [(200, 500), (400, 500), (500, 500), (7, 7)]
+        client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: printed.append(progress))
+        client.download("a.rob", tmp_path / "a.rob", lambda *progress: printed.append(progress))
+    assert printed == [(200, 500), (400, 500), (500, 500), (7, 7)]
     assert (tmp_path / "a.rob").read_bytes() == b"content"
 
 
@@ -210,7 +224,7 @@ def test_a_local_file_is_never_overwritten(scripted_link: Any, tmp_path: Path) -
             client.download("a.rob", tmp_path / "a.rob")
         with pytest.raises(PayloadError):
             client.download("../a.rob", tmp_path / "b.rob")
-    assert [opcode for opcode, _ in link.asked] == [0x01]
+    assert [opcode for opcode, _ in link.requests] == [0x01]
 
 
 def test_a_failed_download_leaves_no_file(scripted_link: Any, tmp_path: Path) -> None:
@@ -239,12 +253,12 @@ def test_an_exception_from_progress_aborts_with_a_signal(scripted_link: Any) -> 
         with pytest.raises(Stop):
             client.upload_bytes(b"x" * 900, "a.rob", stop)
         assert client.get_status().code == "00"
-    chunks = [FILE_DATA.decode(data).value for opcode, data in link.asked if opcode == 0x52]
+    chunks = [FILE_DATA.decode(data).value for opcode, data in link.requests if opcode == 0x52]
     assert [chunk.length for chunk in chunks] == [200, 200, 0]
 
 
 class Stage:
-    """A controller at the other end of a socket; the thread of the test controls it."""
+    """A controller at the other end of a socket, controlled by the test's thread."""
 
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
@@ -262,12 +276,12 @@ class Stage:
             found = self._framer.feed(self.socket.recv(4096))
         assert [frame.opcode for frame in found] == [opcode]
 
-    def say(self, opcode: int, data: bytes, *, tagged: bool = False) -> None:
+    def send_frame(self, opcode: int, data: bytes, *, tagged: bool = False) -> None:
         """Send a frame."""
         self.socket.sendall(c2a(opcode, data, tagged=tagged))
 
     def do(self, act: Callable[[], object]) -> "queue.Queue[Any]":
-        """Let a thread of its own do something; its result or exception comes out."""
+        """Call a function in another thread; return its result or raise its exception."""
         outcome: queue.Queue[Any] = queue.Queue()
 
         def run() -> None:
@@ -302,17 +316,17 @@ def test_emergency_stop_during_a_waiting_call(stage: Stage) -> None:
     """4.17/10, 4.17/9: from another thread, while a query also waits for its reply."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
-    stage.say(0x30, b"1")
+    stage.send_frame(0x30, b"1")
     status = stage.do(stage.client.get_status)
     stage.expect(0x09)
     halt = stage.do(stage.client.emergency_stop)
     stage.expect(0x32)
-    stage.say(0x32, b"1")
-    stage.say(0x30, b"00|00", tagged=True)
-    stage.say(0x32, b"11", tagged=True)
+    stage.send_frame(0x32, b"1")
+    stage.send_frame(0x30, b"00|00", tagged=True)
+    stage.send_frame(0x32, b"11", tagged=True)
     assert halt.get(timeout=ANSWER_WITHIN_S) is None
     assert isinstance(run.get(timeout=ANSWER_WITHIN_S), Interrupted)
-    stage.say(0x09, b"00")
+    stage.send_frame(0x09, b"00")
     assert status.get(timeout=ANSWER_WITHIN_S).code == "00"
 
 
@@ -321,10 +335,10 @@ def test_equal_requests_of_two_threads_are_serialised(stage: Stage) -> None:
     first = stage.do(stage.client.get_status)
     stage.expect(0x09)
     second = stage.do(stage.client.get_status)
-    stage.say(0x09, b"00")
+    stage.send_frame(0x09, b"00")
     assert first.get(timeout=ANSWER_WITHIN_S).code == "00"
     stage.expect(0x09)
-    stage.say(0x09, b"01")
+    stage.send_frame(0x09, b"01")
     assert second.get(timeout=ANSWER_WITHIN_S).code == "01"
 
 
@@ -332,7 +346,7 @@ def test_closing_ends_every_call_that_waits(stage: Stage) -> None:
     """The call that receives, and the others."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
-    stage.say(0x30, b"1")
+    stage.send_frame(0x30, b"1")
     jog = stage.do(lambda: stage.client.jog("+x"))
     stage.expect(0x3D)
     stage.client.close()
@@ -344,8 +358,8 @@ def test_a_failed_run_raises_its_code(stage: Stage) -> None:
     """The error contains the faulty joints."""
     run = stage.do(lambda: stage.client.run_program("a.rob"))
     stage.expect(0x30)
-    stage.say(0x30, b"1")
-    stage.say(0x30, b"00|13", tagged=True)
+    stage.send_frame(0x30, b"1")
+    stage.send_frame(0x30, b"00|13", tagged=True)
     error = run.get(timeout=ANSWER_WITHIN_S)
     assert isinstance(error, Failed)
     assert str(error) == "run_program failed: 13, motor fault: inner arm and outer arm"

@@ -1,4 +1,4 @@
-"""`scaraspec call` against `scaraspec controller`, each as a user starts it."""
+"""`scaraspec call` with `scaraspec controller`."""
 
 import json
 import socket
@@ -43,10 +43,10 @@ def controller() -> Iterator[str]:
         [SCARASPEC, "controller", *arguments], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        said = process.stdout.readline()
-        assert said.startswith("listening on tcp://")
+        reported = process.stdout.readline()
+        assert reported.startswith("listening on tcp://")
         try:
-            yield said.split()[-1]
+            yield reported.split()[-1]
         finally:
             process.terminate()
             process.wait(ENDS_WITHIN_S)
@@ -55,8 +55,8 @@ def controller() -> Iterator[str]:
 NETWORK = {"ip": "10.0.0.1", "mask": "255.0.0.0", "gateway": "10.0.0.2"}
 POSE = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6, "theta_y": 34.5, "theta_z": 0}
 
-# Every operation of the table in an order that makes sense, and what the controller answers;
-# Ellipsis stands for what cannot be foretold.
+# Every operation of the table in a useful order, with the reply of the controller; Ellipsis means
+# any reply.
 SESSION: list[tuple[list[str], Any]] = [
     (["login", "password"], None),
     (["get_version"], ...),
@@ -103,13 +103,14 @@ def test_every_command_of_the_table(
     """Exit status 0 and the expected result; fails for a new command without a call here."""
     monkeypatch.chdir(tmp_path)
     Path("a.rob").write_bytes(program_of(1))
-    assert call(controller, "emergency_stop", "--json")[0] == 1  # nothing is there to stop
+    # Nothing moves that could be stopped.
+    assert call(controller, "emergency_stop", "--json")[0] == 1
     for arguments, expected in SESSION:
         status, output = call(controller, *arguments, "--json")
         assert status == 0, (arguments, output)
-        told = json.loads(output)
-        assert (told["ok"], told["command"]) == (True, arguments[0])
-        assert expected is ... or told["result"] == expected, arguments
+        printed = json.loads(output)
+        assert (printed["ok"], printed["command"]) == (True, arguments[0])
+        assert expected is ... or printed["result"] == expected, arguments
     assert Path("b.rob").read_bytes() == program_of(1)
     assert {arguments[0] for arguments, _ in SESSION} | {"emergency_stop"} == set(OPERATIONS)
 
@@ -157,18 +158,32 @@ def test_the_password_may_come_from_the_environment(
         (["tcp://127.0.0.1", "jog"], "jog takes DIRECTION: 0 given"),
         (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is out of range: 0 to 1"),
         (["tcp://127.0.0.1", "get_version", "--jsn"], "get_version takes no arguments: 1 given"),
+        (["tcp://127.0.0.1", "get_status", "--reading", "x=y"], "unknown reading 'x': "),
+        (["tcp://127.0.0.1", "get_status", "--ics", "no.toml"], "no.toml cannot be read"),
         (["robot", "get_version"], "'robot' is not a link URL: write for example tcp://"),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:
     """One sentence, before anything is sent."""
-    status, said = call(*arguments)
+    status, reported = call(*arguments)
     assert status == 2
-    assert said.startswith(sentence)
+    assert reported.startswith(sentence)
+
+
+@pytest.mark.parametrize("option", ["--reading", "--ics"])
+def test_the_readings_of_the_controller_are_used(option: str, tmp_path: Path) -> None:
+    """From the command line and from an ICS; the reply timeout is a reading, too."""
+    (tmp_path / "ics.toml").write_text('[readings]\nreply_timeout = "0.1"\n')
+    value = {"--reading": "reply_timeout=0.1", "--ics": str(tmp_path / "ics.toml")}[option]
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        status, sentence = call(url, "get_version", option, value)
+    assert status == 3
+    assert sentence.startswith("login got no reply within 0.1 s: another client may be connected")
 
 
 def test_no_answer_is_status_3() -> None:
-    """From a silent controller, and without a controller."""
+    """The controller is silent, or there is no controller."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         status, sentence = call(url, "get_version", "--timeout", "0.1")
@@ -178,7 +193,7 @@ def test_no_answer_is_status_3() -> None:
 
 
 def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) -> None:
-    """The message says that the robot may be busy; another call stops it."""
+    """The message states that the robot may be busy; another call stops it."""
     (tmp_path / "long.rob").write_bytes(program_of(200))
     assert call(controller, "upload", str(tmp_path / "long.rob")) == (0, "done")
     status, sentence = call(controller, "run_program", "long.rob", "--timeout", "1")
@@ -189,7 +204,7 @@ def test_timeout_applies_to_the_final_result(controller: str, tmp_path: Path) ->
 
 
 def test_an_accepted_command_is_announced(controller: str, tmp_path: Path) -> None:
-    """A user sees that the robot moves, on standard error and not in JSON output."""
+    """Standard error states that the robot moves; JSON output does not."""
     (tmp_path / "short.rob").write_bytes(program_of(20))
     assert call(controller, "upload", str(tmp_path / "short.rob")) == (0, "done")
     running = [SCARASPEC, "call", controller, "run_program", "short.rob"]

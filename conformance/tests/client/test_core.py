@@ -56,18 +56,21 @@ def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
     """3/33: only the reply to this request settles it."""
     time = play.ask("get_time")
     assert play.sent() == [(0x07, b"")]
-    assert play.says(0x08, b"1.0.0") == [UnexpectedFrame(Frame(C2A, 0x08, b"1.0.0"))]
+    assert play.receive_frame(0x08, b"1.0.0") == [UnexpectedFrame(Frame(C2A, 0x08, b"1.0.0"))]
     assert not time.settled
     reply = Frame(C2A, 0x07, TIME)
-    assert play.wait_for_any(reply.encode()) == [FrameAccepted(time, reply), OperationSettled(time)]
+    assert play.receive_bytes(reply.encode()) == [
+        FrameAccepted(time, reply),
+        OperationSettled(time),
+    ]
     assert time.outcome() == NOON
 
 
 def test_a_tagged_frame_is_not_a_reply(play: Any) -> None:
     """4/9, 3/33: neither for a one-stage command nor as the first reply of a two-stage one."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a.rob")
-    assert isinstance(play.says(0x07, TIME, tagged=True)[0], UnexpectedFrame)
-    assert isinstance(play.says(0x30, b"11", tagged=True)[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x07, TIME, tagged=True)[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x30, b"11", tagged=True)[0], UnexpectedFrame)
     assert not time.settled
     assert run.accepted is None
 
@@ -76,10 +79,10 @@ def test_replies_interleave(play: Any) -> None:
     """3/27: several commands may be pending; replies arrive in any order."""
     run = play.ask("run_program", b"a.rob")
     status, version = play.ask("get_status"), play.ask("get_version")
-    play.says(0x08, b"2.10.3-beta")
-    play.says(0x30, b"1")
-    play.says(0x30, b"11", tagged=True)
-    play.says(0x09, b"01")
+    play.receive_frame(0x08, b"2.10.3-beta")
+    play.receive_frame(0x30, b"1")
+    play.receive_frame(0x30, b"11", tagged=True)
+    play.receive_frame(0x09, b"01")
     assert [e.outcome() for e in (run, status, version)] == [None, "01", "2.10.3-beta"]
 
 
@@ -90,7 +93,7 @@ def test_at_most_one_request_per_opcode(play: Any) -> None:
     assert play.core.is_free("get_status")
     with pytest.raises(ClientError, match="of the same kind is pending"):
         play.ask("get_time")
-    play.says(0x07, TIME)
+    play.receive_frame(0x07, TIME)
     assert play.core.is_free("get_time")
     assert play.sent() == [(0x07, b"")]
 
@@ -111,7 +114,7 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
         )
     )
     cuts = data.draw(st.sets(st.integers(1, len(stream) - 1)))
-    told = []
+    printed = []
     for bounds in ([0, len(stream)], [0, *sorted(cuts), len(stream)]):
         play = new_play()
         names = {
@@ -122,16 +125,16 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
         events: list[Any] = []
         skipped = b""
         for start, stop in pairwise(bounds):
-            for event in play.wait_for_any(stream[start:stop]):
+            for event in play.receive_bytes(stream[start:stop]):
                 if isinstance(event, Skipped):
                     skipped += event.data
                 elif isinstance(event, UnexpectedFrame):
                     events.append(event)
                 else:
                     events.append((type(event), names[event.operation], *event[1:]))
-        told.append((events, skipped, [(e.value, str(e.error)) for e in names]))
-    assert told[0] == told[1]
-    assert [value for value, _ in told[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
+        printed.append((events, skipped, [(e.value, str(e.error)) for e in names]))
+    assert printed[0] == printed[1]
+    assert [value for value, _ in printed[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
 
 
 BODIES = st.one_of(
@@ -144,18 +147,18 @@ FRAMES = st.builds(
 
 
 @given(st.lists(st.one_of(FRAMES.map(Frame.encode), st.binary(max_size=30), st.floats(0, 40))))
-def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | float]) -> None:
+def test_no_received_bytes_raise(new_play: Any, happenings: list[bytes | float]) -> None:
     """Every operation is settled in the end, and the core stays usable."""
     play = new_play()
     exchanges = [play.ask(c.name, VALUES.get(c.name)) for c in COMMANDS if c.clause[0] == "4"]
     exchanges.append(play.begin(play.core.upload(b"a.rob", b"content")))
     for happening in happenings:
         if isinstance(happening, bytes):
-            play.wait_for_any(happening)
+            play.receive_bytes(happening)
         else:
-            play.waits(happening)
+            play.wait_for(happening)
         play.sent()
-    play.waits(1000)
+    play.wait_for(1000)
     for operation in exchanges:
         assert operation.settled or operation.command.two_stage
     play.core.connection_lost("the cable is out", play.now_s)
@@ -166,16 +169,16 @@ def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | flo
 def test_data_may_contain_start_and_end_bytes(play: Any) -> None:
     """3/9: only the length ends a frame."""
     listing = play.ask("list_programs")
-    play.says(0x0B, b"0|\xcc\x07\xaa|\xaa\xcc")
+    play.receive_frame(0x0B, b"0|\xcc\x07\xaa|\xaa\xcc")
     assert listing.outcome() == (b"\xcc\x07\xaa", b"\xaa\xcc")
 
 
 def test_invalid_bytes_are_skipped_and_recorded(play: Any) -> None:
     """3/19, 3/20, 3/22: stray bytes, a wrong end byte and an undefined opcode lose no reply."""
     time = play.ask("get_time")
-    play.wait_for_any(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
-    play.says(0xEE, b"?")
-    play.says(0x07, TIME)
+    play.receive_bytes(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
+    play.receive_frame(0xEE, b"?")
+    play.receive_frame(0x07, TIME)
     assert time.outcome() == NOON
     assert any("not a frame" in remark for remark in play.core.remarks)
     assert any("C2A EE" in remark for remark in play.core.remarks)
@@ -184,7 +187,7 @@ def test_invalid_bytes_are_skipped_and_recorded(play: Any) -> None:
 def test_remarks_are_bounded(play: Any) -> None:
     """Endless invalid data does not fill the memory."""
     for _ in range(3 * MAX_REMARKS):
-        play.says(0xEE)
+        play.receive_frame(0xEE)
     assert len(play.core.remarks) == MAX_REMARKS
 
 
@@ -192,29 +195,81 @@ def test_a_partial_frame_times_out_after_two_seconds(play: Any) -> None:
     """A-3-11: a false start byte with a large length blocks for 2 s; a pause of 1 s is harmless."""
     time = play.ask("get_time")
     reply = Frame(C2A, 0x07, TIME).encode()
-    play.wait_for_any(reply[:5])
-    play.waits(1.0)
-    play.wait_for_any(reply[5:])
+    play.receive_bytes(reply[:5])
+    play.wait_for(1.0)
+    play.receive_bytes(reply[5:])
     assert time.outcome() == NOON
     time = play.ask("get_time")
-    play.wait_for_any(b"\xcc\x08\xff" + reply)
+    play.receive_bytes(b"\xcc\x08\xff" + reply)
     assert not time.settled
-    play.waits(2.0)
+    play.wait_for(2.0)
     assert time.outcome() == NOON
 
 
 def test_reply_timeout(play: Any) -> None:
     """A-3-15: after 5 s; a later reply is unexpected; the next request works."""
     time = play.ask("get_time")
-    play.waits(4.9)
+    play.wait_for(4.9)
     assert not time.settled
-    play.waits(0.2)
+    play.wait_for(0.2)
     with pytest.raises(ReplyTimeout, match="get_time got no reply within 5 s"):
         time.outcome()
-    assert isinstance(play.says(0x07, TIME)[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x07, TIME)[0], UnexpectedFrame)
     again = play.ask("get_time")
-    play.says(0x07, TIME)
+    play.receive_frame(0x07, TIME)
     assert again.outcome() == NOON
+
+
+def test_a_late_reply_does_not_answer_the_next_request(play: Any) -> None:
+    """The reply to run A.rob comes after its timeout, and run B.rob is refused: B has failed."""
+    first = play.ask("run_program", b"A.rob")
+    play.waits(5.0)
+    with pytest.raises(ReplyTimeout):
+        first.outcome()
+    second = play.ask("run_program", b"B.rob")
+    assert isinstance(play.says(0x30, b"1")[0], UnexpectedFrame)
+    assert not second.settled
+    play.says(0x30, b"0|01")
+    with pytest.raises(Refused):
+        second.outcome()
+    assert play.core.remarks[-1] == (
+        "a reply to run_program came after the timeout and was ignored"
+    )
+
+
+def test_a_late_reply_without_a_request(play: Any) -> None:
+    """It is ignored, and the next request is answered by its own reply."""
+    play.ask("get_version")
+    play.waits(5.0)
+    assert isinstance(play.says(0x08, b"old")[0], UnexpectedFrame)
+    again = play.ask("get_version")
+    play.says(0x08, b"new")
+    assert again.outcome() == "new"
+
+
+def test_the_link_ends_if_a_reply_cannot_be_assigned(play: Any) -> None:
+    """One reply came for two requests: it may answer either of them."""
+    play.ask("get_version")
+    play.waits(5.0)
+    again, other = play.ask("get_version"), play.ask("get_time")
+    play.says(0x08, b"1.0.0")
+    play.waits(5.0)
+    with pytest.raises(ReplyTimeout):
+        again.outcome()
+    assert play.core.must_close
+    with pytest.raises((LinkLost, ReplyTimeout)):
+        other.outcome()
+    with pytest.raises(LinkLost, match="replies to get_version came late"):
+        play.ask("get_status")
+
+
+def test_every_reply_to_a_stop_counts(play: Any) -> None:
+    """Also one that comes after the timeout: it shows that the robot is stopped."""
+    play.ask("emergency_stop")
+    play.waits(5.0)
+    again = play.ask("emergency_stop")
+    play.says(0x32, b"1")
+    assert again.accepted
 
 
 def test_received_bytes_do_not_extend_the_timeout(play: Any) -> None:
@@ -222,14 +277,14 @@ def test_received_bytes_do_not_extend_the_timeout(play: Any) -> None:
     time = play.ask("get_time")
     frame = Frame(C2A, 0x07, TIME).encode()
     for byte in frame:
-        play.waits(4 / len(frame))
-        play.wait_for_any(bytes((byte,)))
+        play.wait_for(4 / len(frame))
+        play.receive_bytes(bytes((byte,)))
     assert time.outcome() == NOON
     time = play.ask("get_time")
     for _ in range(5):
         assert not time.settled
-        play.wait_for_any(b"\xcc")
-        play.waits(1)
+        play.receive_bytes(b"\xcc")
+        play.wait_for(1)
     assert isinstance(time.error, ReplyTimeout)
 
 
@@ -237,7 +292,7 @@ def test_a_late_frame_is_not_timed_out_by_a_busy_caller(play: Any) -> None:
     """Timeouts expire only in `tick`: bytes that wait in a socket count as on time."""
     time = play.ask("get_time")
     play.now_s += 60
-    play.says(0x07, TIME)
+    play.receive_frame(0x07, TIME)
     assert time.outcome() == NOON
 
 
@@ -249,11 +304,11 @@ def test_nothing_is_sent_before_a_login(new_play: Any) -> None:
     play.ask("login", b"password")
     with pytest.raises(LoginFailed):
         play.ask("emergency_stop")
-    play.says(0x01, b"1")
+    play.receive_frame(0x01, b"1")
     play.ask("get_time")
     assert play.sent() == [(0x01, b"password"), (0x07, b"")]
     wrong = play.ask("login", b"wrong")
-    play.says(0x01, b"0")
+    play.receive_frame(0x01, b"0")
     with pytest.raises(LoginFailed, match="refused the password"):
         wrong.outcome()
     with pytest.raises(LoginFailed):
@@ -265,7 +320,7 @@ def test_a_login_fails_with_any_other_reply(new_play: Any, data: bytes) -> None:
     """4.1/8: only ``1`` is a success."""
     play = new_play(login_required=True)
     login = play.ask("login", b"password")
-    play.says(0x01, data)
+    play.receive_frame(0x01, data)
     with pytest.raises(LoginFailed):
         login.outcome()
     assert not play.core.logged_in
@@ -274,19 +329,19 @@ def test_a_login_fails_with_any_other_reply(new_play: Any, data: bytes) -> None:
 def test_a_trailing_nul_is_tolerated(play: Any) -> None:
     """A-T-3: in all replies, including a success; the reading is observed."""
     stop, time, status = play.ask("set_time", NOON), play.ask("get_time"), play.ask("get_status")
-    play.says(0x06, b"1\0")
-    play.says(0x07, TIME + b"\0")
-    play.says(0x09, b"00\0")
+    play.receive_frame(0x06, b"1\0")
+    play.receive_frame(0x07, TIME + b"\0")
+    play.receive_frame(0x09, b"00\0")
     assert [e.outcome() for e in (stop, time, status)] == [None, NOON, "00"]
     assert play.core.observed_readings["trailing_nul"] == {"yes"}
 
 
 @pytest.mark.parametrize("data", [b"", b"2", b"\x01", b"11", b"1|1"])
 def test_only_the_exact_form_is_a_success(play: Any, data: bytes) -> None:
-    """T/3: for flags and first replies."""
+    """This holds for flags and for first replies (T/3)."""
     done, begun = play.ask("set_default_program", b"a"), play.ask("reset")
-    play.says(0x0E, data)
-    play.says(0x33, data)
+    play.receive_frame(0x0E, data)
+    play.receive_frame(0x33, data)
     for operation in (done, begun):
         with pytest.raises(ProtocolError, match="cannot be decoded"):
             operation.outcome()
@@ -295,7 +350,7 @@ def test_only_the_exact_form_is_a_success(play: Any, data: bytes) -> None:
 def test_a_flag_of_zero_is_a_refusal(play: Any) -> None:
     """The error has no code."""
     deletion = play.ask("delete_program", b"gone.rob")
-    play.says(0x0C, b"0")
+    play.receive_frame(0x0C, b"0")
     with pytest.raises(Refused, match=r"delete_program was refused: .* no reason") as caught:
         deletion.outcome()
     assert caught.value.code is None
@@ -342,7 +397,7 @@ def test_every_tolerated_form_is_understood(
 ) -> None:
     """T/9 and the readings of the register: every form gives the same value."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
-    play.says(opcode, data)
+    play.receive_frame(opcode, data)
     assert operation.outcome() == value
 
 
@@ -370,11 +425,11 @@ def test_an_undecodable_reply_is_a_protocol_error(
 ) -> None:
     """The client stays usable."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
-    play.says(opcode, data)
+    play.receive_frame(opcode, data)
     with pytest.raises(ProtocolError, match=f"reply of {name} cannot be decoded: ."):
         operation.outcome()
     version = play.ask("get_version")
-    play.says(0x08, b"1.0.0")
+    play.receive_frame(0x08, b"1.0.0")
     assert version.outcome() == "1.0.0"
 
 
@@ -382,7 +437,7 @@ def test_an_undecodable_reply_is_a_protocol_error(
 def test_an_answer_of_zero_is_an_error(play: Any, name: str) -> None:
     """4.33/4: ``0`` is not ``1|0``."""
     operation = play.ask(name, 8 if name == "get_analog_input" else None)
-    play.says(operation.command.opcode, b"0")
+    play.receive_frame(operation.command.opcode, b"0")
     with pytest.raises(Refused):
         operation.outcome()
 
@@ -392,9 +447,9 @@ def test_readings_are_observed(play: Any) -> None:
     play.ask("list_programs")
     play.ask("get_motor_temperatures")
     play.ask("get_running_program")
-    play.says(0x0B, b"0a")
-    play.says(0x0E, b"1|2|3|4")
-    play.says(0x0A, b"0||")
+    play.receive_frame(0x0B, b"0a")
+    play.receive_frame(0x0E, b"1|2|3|4")
+    play.receive_frame(0x0A, b"0||")
     assert play.core.observed_readings == {
         "list_prefix_sep": {"0a"},
         "op_temp_reply": {"0x0E"},
@@ -408,25 +463,25 @@ def test_temperatures_and_default_program_share_an_opcode(play: Any) -> None:
         play.ask("get_motor_temperatures"),
         play.ask("set_default_program", b"a"),
     )
-    play.says(0x0E, b"1")
+    play.receive_frame(0x0E, b"1")
     assert default.settled
     assert not temperatures.settled
-    play.says(0x0E, b"20|38|34|22")
+    play.receive_frame(0x0E, b"20|38|34|22")
     assert temperatures.outcome() == JointValues(20, 38, 34, 22)
     late = play.ask("set_default_program", b"a")
-    assert isinstance(play.says(0x0E, b"20|38|34|22")[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x0E, b"20|38|34|22")[0], UnexpectedFrame)
     assert not late.settled
 
 
 def test_the_default_program_is_requested_with_both_opcodes(play: Any) -> None:
     """A-4.12-1: 0x0D, after a timeout 0x13; the client remembers the result."""
     first = play.ask("get_default_program")
-    assert isinstance(play.says(0x13, b"a.rob")[0], UnexpectedFrame)  # not asked for yet
-    play.waits(5)
-    play.says(0x13, b"a.rob")
+    assert isinstance(play.receive_frame(0x13, b"a.rob")[0], UnexpectedFrame)  # not asked for yet
+    play.wait_for(5)
+    play.receive_frame(0x13, b"a.rob")
     assert first.outcome() == b"a.rob"
     second = play.ask("get_default_program")
-    play.waits(5)
+    play.wait_for(5)
     assert isinstance(second.error, ReplyTimeout)
     assert play.sent() == [(0x0D, b""), (0x13, b""), (0x13, b"")]
     assert play.core.observed_readings["op_get_default"] == {"0x13"}
@@ -436,29 +491,29 @@ def test_the_default_program_is_requested_with_both_opcodes(play: Any) -> None:
 def test_a_late_reply_with_the_first_opcode_counts(play: Any) -> None:
     """Both requests were sent, so both replies are valid."""
     operation = play.ask("get_default_program")
-    play.waits(6)
-    play.says(0x0D, b"a.rob")
+    play.wait_for(6)
+    play.receive_frame(0x0D, b"a.rob")
     assert operation.outcome() == b"a.rob"
 
 
 def test_a_timeout_can_mean_no_default_program(new_play: Any) -> None:
-    """A-4.12-2, reading (c)."""
+    """In this reading both opcodes stay unanswered without a default program (A-4.12-2 c)."""
     play = new_play(Dialect.of(default_none="silence"))
     operation = play.ask("get_default_program")
-    play.waits(10)
+    play.wait_for(10)
     assert operation.outcome() == b""
 
 
 def test_a_pushed_list_is_joined(play: Any) -> None:
     """4.10/10: other replies and pauses between the parts."""
     listing = play.ask("list_programs")
-    play.says(0x0B, b"1|a|b")
+    play.receive_frame(0x0B, b"1|a|b")
     status = play.ask("get_status")
-    play.waits(4)
-    play.says(0x0B, b"1|c")
-    play.says(0x09, b"00")
-    play.waits(4)
-    play.says(0x0B, b"0")
+    play.wait_for(4)
+    play.receive_frame(0x0B, b"1|c")
+    play.receive_frame(0x09, b"00")
+    play.wait_for(4)
+    play.receive_frame(0x0B, b"0")
     assert listing.outcome() == (b"a", b"b", b"c")
     assert status.settled
     assert play.sent() == [(0x0B, b""), (0x09, b"")]
@@ -468,24 +523,24 @@ def test_a_pushed_list_is_joined(play: Any) -> None:
 def test_a_list_that_is_not_pushed_is_requested(play: Any) -> None:
     """4.10/10, A-4.10-3 (b): after one timeout, then without waiting."""
     listing = play.ask("list_programs")
-    play.says(0x0B, b"1|a")
+    play.receive_frame(0x0B, b"1|a")
     assert play.sent() == [(0x0B, b"")]
-    play.waits(5)
+    play.wait_for(5)
     assert play.sent() == [(0x0B, b"")]
-    play.says(0x0B, b"0|b")
+    play.receive_frame(0x0B, b"0|b")
     assert listing.outcome() == (b"a", b"b")
     again = play.ask("list_programs")
-    play.says(0x0B, b"1|a")
+    play.receive_frame(0x0B, b"1|a")
     assert play.sent() == [(0x0B, b""), (0x0B, b"")]
-    play.says(0x0B, b"0|b")
+    play.receive_frame(0x0B, b"0|b")
     assert again.outcome() == (b"a", b"b")
 
 
 def test_an_incomplete_list_is_an_error(play: Any) -> None:
     """The client returns no partial list (T/9)."""
     listing = play.ask("list_programs")
-    play.says(0x0B, b"1|a")
-    play.waits(10)
+    play.receive_frame(0x0B, b"1|a")
+    play.wait_for(10)
     with pytest.raises(ReplyTimeout):
         listing.outcome()
 
@@ -494,7 +549,7 @@ def test_an_endless_list_is_an_error(play: Any) -> None:
     """The memory is limited."""
     listing = play.ask("list_programs")
     for _ in range(MAX_LIST_PARTS):
-        play.says(0x0B, b"1|a")
+        play.receive_frame(0x0B, b"1|a")
     with pytest.raises(ProtocolError, match="does not end"):
         listing.outcome()
 
@@ -536,10 +591,10 @@ def test_the_longest_pair_of_passwords_is_sent(play: Any) -> None:
     assert play.sent() == [(0x03, b"a" * 127 + b"|" + b"b" * 127)]
 
 
-def test_a_lost_link_settles_everything(play: Any) -> None:
+def test_a_lost_link_ends_all_operations(play: Any) -> None:
     """No operation stays pending, and nothing more is sent."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a")
-    play.says(0x30, b"1")
+    play.receive_frame(0x30, b"1")
     play.core.connection_lost("the cable is out", play.now_s)
     assert play.core.connection_lost("again", play.now_s) == []
     for operation in (time, run):
@@ -549,10 +604,10 @@ def test_a_lost_link_settles_everything(play: Any) -> None:
         play.ask("get_time")
 
 
-def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any) -> None:
+def test_a_frame_inside_an_incomplete_one_is_found_at_the_end(play: Any) -> None:
     """3/20: the bytes of the partial frame are searched again."""
     time = play.ask("get_time")
-    play.wait_for_any(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
+    play.receive_bytes(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
     play.core.connection_lost("it ended", play.now_s)
     assert time.outcome() == NOON
 
@@ -566,7 +621,7 @@ def test_the_link_may_end_after_some_commands(
 ) -> None:
     """4.4/6, 4.35/6: the command succeeds; later commands raise the reason."""
     operation = play.ask(name, value)
-    play.says(opcode, b"1")
+    play.receive_frame(opcode, b"1")
     play.core.connection_lost("cut", play.now_s)
     assert operation.outcome() is None
     with pytest.raises(LinkLost, match=f"as it may after {name}"):

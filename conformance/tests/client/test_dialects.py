@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.store import Store
 CONTENT = build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(60)),)))
 CHOICES = [(key, option.name) for key, reading in READINGS.items() for option in reading.options]
 
-# What the session below gives away, whatever the controller's dialect is.
+# Readings that the session below shows in every dialect.
 SEEN = {
     "chunk_trunc",
     "endian",
@@ -28,8 +28,8 @@ SEEN = {
     "runinfo_none",
 }
 
-# Where a controller serves nothing else, its client has to speak as it does.
-SPOKEN = {("jog_byte", "binary")}
+# A controller with this reading accepts nothing else, so that the client must use it.
+USED_BY_CLIENT = {("jog_byte", "binary")}
 
 
 @pytest.mark.parametrize(("key", "option"), CHOICES, ids=map("=".join, CHOICES))
@@ -40,8 +40,8 @@ def test_a_session_works_in_every_dialect(key: str, option: str) -> None:
     network = MemoryNetwork(ControllerCore(plant, Store(), dialect))
     extension = ".txt" if option == ".txt" else ".rob"
     names = tuple(f"program-{number:02}-of-30-bytes..{extension}" for number in range(20))
-    spoken = dialect if (key, option) in SPOKEN else Dialect.of()
-    with Client(network.connect(), password="password", dialect=spoken) as client:
+    client_dialect = dialect if (key, option) in USED_BY_CLIENT else Dialect.of()
+    with Client(network.connect(), password="password", dialect=client_dialect) as client:
         assert client.list_programs() == ()
         for name in names:
             client.upload_bytes(CONTENT, name)
@@ -66,5 +66,5 @@ def test_a_session_works_in_every_dialect(key: str, option: str) -> None:
         assert client.get_status().state is State.IDLE
         observed = client.observed_readings
     assert observed.keys() >= SEEN
-    if key in observed and option != "both":  # which is seen as the one of the two that was used
+    if key in observed and option != "both":  # the option that was used of the two is detected
         assert observed[key] == {option}

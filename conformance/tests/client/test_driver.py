@@ -19,14 +19,14 @@ def run() -> Run:
 
     def talk(*orders: str) -> list[Mapping[str, Any]]:
         async def serve() -> list[Mapping[str, Any]]:
-            told: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
+            printed: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
             driver = Driver(
-                told.put_nowait, lambda url, password: AsyncClient(url, password=password)
+                printed.put_nowait, lambda url, password: AsyncClient(url, password=password)
             )
             answers = []
             for order in orders:
                 driver.take(order)
-                answers.append(await told.get())
+                answers.append(await printed.get())
             await driver.end()
             return answers
 
@@ -50,15 +50,15 @@ def test_invalid_line(run: Run, line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("order", "says"),
+    ("order", "receive_frame"),
     [
         ({"do": "get_status"}, "send connect first"),
         ({"do": "connect", "host": "127.0.0.1", "port": 1}, "cannot connect"),
         ({"do": "connect", "port": 1}, "host"),
     ],
 )
-def test_failed_request(run: Run, order: Mapping[str, Any], says: str) -> None:
+def test_failed_request(run: Run, order: Mapping[str, Any], receive_frame: str) -> None:
     """The answer is an error of one sentence."""
     (answer,) = run(json.dumps({"id": 1, **order}))
     assert answer["ok"] is False
-    assert says in answer["error"]
+    assert receive_frame in answer["error"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.client.local_files import check_new, write_new
+from scaraspec.client.local_files import check_new, check_regular, write_new
 
 
 def names_in(directory: Path) -> list[str]:
@@ -47,9 +47,19 @@ def test_a_failure_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left") as raised:
         write_new(tmp_path / "a.rob", b"content")
+    assert raised.value.filename == str(tmp_path / "a.rob")
     assert names_in(tmp_path) == []
+
+
+def test_only_regular_files_are_read(tmp_path: Path) -> None:
+    """A FIFO may never end."""
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(OSError, match="no regular file"):
+        check_regular(tmp_path / "fifo")
+    (tmp_path / "file").touch()
+    check_regular(tmp_path / "file")
 
 
 def test_a_file_system_without_hard_links_works(

@@ -26,7 +26,7 @@ NETWORK = Network("10.0.0.1", "255.0.0.0", "10.0.0.2")
 NETWORK_DATA = b"10.0.0.1|255.0.0.0|10.0.0.2"
 BAD_ROTATION = Status(State.ERROR, "18", "motor fault: rotation", (Joint.ROTATION,))
 
-# Every operation, called as a user calls it: the request's data, the reply's, the result.
+# Every operation, as a user calls it: the data of the request, the data of the reply, the result.
 CALLS: dict[str, tuple[tuple[Any, ...], bytes, bytes, Any]] = {
     "login": (("password",), b"password", b"1", None),
     "set_password": (("old", b"new"), b"old|new", b"1", None),
@@ -74,7 +74,7 @@ def talk(scripted_link: Any, *replies: bytes, **options: Any) -> tuple[Client, A
 
     link = scripted_link(answer)
     client = Client(link, **options)
-    client._core.logged_in = True  # what a login does is tested elsewhere
+    client._core.logged_in = True  # the login is tested elsewhere
     return client, link
 
 
@@ -109,7 +109,7 @@ def test_an_operation_sends_its_request_and_returns_its_result(
     client, link = talk(scripted_link, reply)
     assert getattr(client, name)(*parse_arguments) == result
     opcode = next(c.opcode for c in COMMANDS if c.name == name)
-    assert link.asked == [(opcode, request)]
+    assert link.requests == [(opcode, request)]
 
 
 @pytest.mark.parametrize("name", ["程序.rob", b"\xb3\xcc\xd0\xf2.rob", "a b.rob", b"\xff\xfe"])
@@ -119,7 +119,7 @@ def test_names_survive_the_round_trip(scripted_link: Any, name: str | bytes) -> 
     client, link = talk(scripted_link, b"0|" + raw, b"1", raw)
     (listed,) = client.list_programs()
     client.set_default_program(listed)
-    assert link.asked[1] == (0x0E, raw)
+    assert link.requests[1] == (0x0E, raw)
     assert client.get_default_program() == listed
     assert isinstance(name, bytes) or listed == name
 
@@ -128,15 +128,15 @@ def test_text_is_sent_in_the_encoding_of_the_dialect(scripted_link: Any) -> None
     """A-T-2: such as GB18030; a name that cannot be encoded is not sent."""
     client, link = talk(scripted_link, b"1", dialect=Dialect.of(text_encoding="gb18030"))
     client.delete_program("程序")
-    assert link.asked == [(0x0C, b"\xb3\xcc\xd0\xf2")]
+    assert link.requests == [(0x0C, b"\xb3\xcc\xd0\xf2")]
     client, link = talk(scripted_link, dialect=Dialect.of(text_encoding="ascii"))
     with pytest.raises(PayloadError, match="cannot be encoded in ascii"):
         client.delete_program("程序")
-    assert link.asked == []
+    assert link.requests == []
 
 
 def test_there_may_be_no_program(scripted_link: Any) -> None:
-    """No running program, no default program, no program at all."""
+    """No running program, no default program, an empty list."""
     client, _ = talk(scripted_link, b"0", b"", b"0")
     assert client.get_running_program() is None
     assert client.get_default_program() is None
@@ -166,7 +166,7 @@ def test_directions_have_names(scripted_link: Any) -> None:
     client, link = talk(scripted_link, *[b"1"] * 8)
     for direction in (*names, *JogDirection):
         client.jog(direction)
-    assert [data for _, data in link.asked] == [b"1", b"2", b"3", b"4"] * 2
+    assert [data for _, data in link.requests] == [b"1", b"2", b"3", b"4"] * 2
     with pytest.raises(PayloadError, match=r"'up' is not one of \+y, -y, \+x, -x"):
         client.jog("up")
 
@@ -175,25 +175,25 @@ def test_directions_have_names(scripted_link: Any) -> None:
 def test_invalid_values_raise_before_anything_is_sent(
     scripted_link: Any, call: Callable[[Client], None]
 ) -> None:
-    """T/6."""
+    """The error is raised before the request is sent (T/6)."""
     client, link = talk(scripted_link)
     with pytest.raises(PayloadError):
         call(client)
-    assert link.asked == []
+    assert link.requests == []
 
 
 def test_an_upload_is_named_after_its_file(scripted_link: Any, tmp_path: Path) -> None:
-    """Unless another name is given."""
+    """The stored name is that of the file, unless another name is given."""
     (tmp_path / "a.rob").write_bytes(b"content")
     client, link = talk(scripted_link, *[b"1"] * 4)
     client.upload(tmp_path / "a.rob")
     client.upload(str(tmp_path / "a.rob"), "b.rob")
-    assert [data for opcode, data in link.asked if opcode == 0x50] == [b"a.rob", b"b.rob"]
+    assert [data for opcode, data in link.requests if opcode == 0x50] == [b"a.rob", b"b.rob"]
 
 
 def test_a_missing_file_is_not_sent(scripted_link: Any, tmp_path: Path) -> None:
-    """The name is not sent either (5.2/19)."""
+    """Neither the name nor a chunk is sent (5.2/19)."""
     client, link = talk(scripted_link)
     with pytest.raises(FileNotFoundError):
         client.upload(tmp_path / "a.rob")
-    assert link.asked == []
+    assert link.requests == []

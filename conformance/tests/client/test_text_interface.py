@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from scaraspec.client import Failed, LinkLost, Refused, RunningProgram, Status
 from scaraspec.client.text_interface import (
     OPERATIONS,
     error_to_json,
     format_result,
+    name_text,
     parse_arguments,
+    parse_name,
     to_json,
 )
 from scaraspec.protocol.commands import BY_NAME, JointValues, Network, Point
@@ -31,13 +35,13 @@ NOON = datetime(2014, 12, 22, 14, 30)  # noqa: DTZ001 - the document names no zo
         ("set_gripper_center", ["1", "-2.5", "0"], [1.0, -2.5, 0.0]),
         ("set_time", ["20141222143000"], [NOON]),
         ("set_time", ["2014-12-22T14:30:00"], [NOON]),
-        ("run_program", ["程序.rob"], ["程序.rob"]),
-        ("run_program", ["\udcff"], ["\udcff"]),
+        ("run_program", ["程序.rob"], ["程序.rob".encode()]),
+        ("run_program", ["\udcff"], [b"\xff"]),
         ("set_password", ["1", "-2"], ["1", "-2"]),
         ("set_network", ["1.1.1.1", "2.2.2.2", "3.3.3.03"], ["1.1.1.1", "2.2.2.2", "3.3.3.3"]),
         ("jog", ["-y"], [JogDirection.MINUS_Y]),
         ("upload", ["a.rob"], ["a.rob"]),
-        ("download", ["a.rob", "b.rob"], ["a.rob", "b.rob"]),
+        ("download", ["a.rob", "b.rob"], [b"a.rob", "b.rob"]),
     ],
 )  # fmt: skip
 def test_arguments_are_parsed_to_the_types_of_the_table(
@@ -99,15 +103,41 @@ RESULTS: list[tuple[str, Any, list[str], Any]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "result", "shown", "told"), RESULTS)
-def test_results_as_lines_and_as_json(name: str, result: Any, shown: list[str], told: Any) -> None:
+@pytest.mark.parametrize(("name", "result", "shown", "printed"), RESULTS)
+def test_results_as_lines_and_as_json(
+    name: str, result: Any, shown: list[str], printed: Any
+) -> None:
     """Lines have units and no control characters; JSON is complete."""
     assert format_result(name, result) == shown
-    assert json.loads(json.dumps(to_json(result))) == told
+    assert json.loads(json.dumps(to_json(result))) == printed
+
+
+@given(st.binary(min_size=1, max_size=30))
+def test_names_are_shown_so_that_they_can_be_passed_again(data: bytes) -> None:
+    """Each name has a text of its own, which is printable UTF-8 and parsed to the same bytes."""
+    text = name_text(data.decode("utf-8", "surrogateescape"))
+    assert text.isprintable()
+    assert text.encode()
+    assert parse_name(text) == data
+
+
+def test_names_in_other_encodings() -> None:
+    """A name in GBK is shown with its bytes, and how it reads; a name in UTF-8 as it is."""
+    gbk, utf8 = "中.rob".encode("gbk"), "中.rob".encode()
+    names = tuple(name.decode("utf-8", "surrogateescape") for name in (gbk, utf8, rb"a\xd6.rob"))
+    assert format_result("list_programs", names) == [
+        r"\xd6\xd0.rob  (GB18030: 中.rob)",
+        "中.rob",
+        r"a\\xd6.rob",
+    ]
+    assert to_json(names, name_text) == [r"\xd6\xd0.rob", "中.rob", r"a\\xd6.rob"]
+    assert parse_arguments("delete_program", [r"\xd6\xd0.rob"]) == [gbk]
+    local = r"C:\x41\a.rob"
+    assert parse_arguments("upload", [local, r"\xd6\xd0.rob"]) == [local, gbk]
 
 
 def test_undecodable_bytes() -> None:
-    """T/8: lines show them escaped; JSON keeps them unchanged."""
+    """T/8: lines show them escaped; the JSON of drivers keeps them unchanged."""
     (shown,) = format_result("get_default_program", "\udcb3\udccc")
     assert shown.isprintable()
     assert json.loads(json.dumps(to_json("\udcb3\udccc"))) == "\udcb3\udccc"

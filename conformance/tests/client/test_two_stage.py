@@ -31,39 +31,39 @@ def command(request: pytest.FixtureRequest) -> Any:
 def test_the_final_result_ends_the_command(play: Any, command: Any) -> None:
     """A-3-7: the first reply accepts it; the tagged frame ends it."""
     operation = play.ask(command.name, VALUES.get(command.name))
-    play.says(command.opcode, b"1")
+    play.receive_frame(command.opcode, b"1")
     assert operation.accepted
     assert not operation.settled
-    play.says(command.opcode, b"11", tagged=True)
+    play.receive_frame(command.opcode, b"11", tagged=True)
     assert operation.outcome() is None
 
 
 def test_the_result_may_share_a_segment_with_the_reply(play: Any, command: Any) -> None:
-    """4/10."""
+    """First reply and final result arrive together (4/10)."""
     operation = play.ask(command.name, VALUES.get(command.name))
     reply, result = Frame(C2A, command.opcode, b"1"), Frame(C2A, command.opcode, b"11", tagged=True)
-    play.wait_for_any(reply.encode() + result.encode())
+    play.receive_bytes(reply.encode() + result.encode())
     assert operation.outcome() is None
 
 
 def test_the_result_may_take_hours(play: Any, command: Any) -> None:
     """4/11, A-3-15: no timeout, and other commands work during it (A-4-3)."""
     operation = play.ask(command.name, VALUES.get(command.name))
-    play.says(command.opcode, b"1")
-    play.waits(10)
+    play.receive_frame(command.opcode, b"1")
+    play.wait_for(10)
     status = play.ask("get_status")
-    play.says(0x09, b"01")
+    play.receive_frame(0x09, b"01")
     assert status.outcome() == "01"
-    play.waits(36000)
+    play.wait_for(36000)
     assert not operation.settled
-    play.says(command.opcode, b"11", tagged=True)
+    play.receive_frame(command.opcode, b"11", tagged=True)
     assert operation.outcome() is None
 
 
 def test_timeout_of_the_first_reply(play: Any, command: Any) -> None:
     """A-3-15; the client does not repeat the request (4/16)."""
     operation = play.ask(command.name, VALUES.get(command.name))
-    play.waits(60)
+    play.wait_for(60)
     with pytest.raises(ReplyTimeout, match="it is unknown whether it took effect"):
         operation.outcome()
     assert [opcode for opcode, _ in play.sent()] == [command.opcode]
@@ -73,8 +73,8 @@ def test_timeout_of_the_first_reply(play: Any, command: Any) -> None:
 def test_an_invalid_result_is_not_a_success(play: Any, command: Any, data: bytes) -> None:
     """A-3-8: only ``11`` is a success."""
     operation = play.ask(command.name, VALUES.get(command.name))
-    play.says(command.opcode, b"1")
-    play.says(command.opcode, data, tagged=True)
+    play.receive_frame(command.opcode, b"1")
+    play.receive_frame(command.opcode, data, tagged=True)
     with pytest.raises(ProtocolError, match="final result of"):
         operation.outcome()
 
@@ -85,9 +85,9 @@ def test_errors_have_the_meaning_of_the_code(play: Any, code: Any, case: Any) ->
     """4/12, 8/4, 8/6: as a refusal and as a failure, in either case, with the faulty joints."""
     text = case(code.text).encode()
     refused, failed = play.ask("reset"), play.ask("run_program", b"a.rob")
-    play.says(0x33, b"0|" + text)
-    play.says(0x30, b"1")
-    play.says(0x30, b"00|" + text, tagged=True)
+    play.receive_frame(0x33, b"0|" + text)
+    play.receive_frame(0x30, b"1")
+    play.receive_frame(0x30, b"00|" + text, tagged=True)
     with pytest.raises(Refused, match="reset was refused: ") as refusal:
         refused.outcome()
     with pytest.raises(Failed) as failure:
@@ -98,10 +98,10 @@ def test_errors_have_the_meaning_of_the_code(play: Any, code: Any, case: Any) ->
     assert code.text == "00" or code.meaning in str(failure.value)
 
 
-def test_codes_name_the_joints(play: Any) -> None:
+def test_joints_of_a_code(play: Any) -> None:
     """8/4: 1A is 2 + 8."""
     reset = play.ask("reset")
-    play.says(0x33, b"0|1A")
+    play.receive_frame(0x33, b"0|1A")
     assert reset.error.code.joints == (Joint.OUTER_ARM, Joint.ROTATION)
 
 
@@ -109,26 +109,26 @@ def test_codes_name_the_joints(play: Any) -> None:
 def test_tolerated_forms_of_a_refusal(play: Any, data: bytes, code: str | None) -> None:
     """A-4.24-3 (bare 0), 4.8/11 (unknown codes), A-0-2 (a blank): nothing moved (4/13)."""
     move = play.ask("set_tool_coordinates", VALUES["set_tool_coordinates"])
-    play.says(0x39, data)
+    play.receive_frame(0x39, data)
     with pytest.raises(Refused) as caught:
         move.outcome()
     assert (caught.value.code and caught.value.code.text) == code
-    assert isinstance(play.says(0x39, b"11", tagged=True)[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x39, b"11", tagged=True)[0], UnexpectedFrame)
 
 
 def stop(play: Any, *, first: bool = True) -> Any:
     """Start an emergency stop during a run, up to its first reply."""
     operation = play.ask("emergency_stop")
-    play.says(0x32, b"1" if first else b"0")
+    play.receive_frame(0x32, b"1" if first else b"0")
     return operation
 
 
 def test_emergency_stop_before_the_first_reply(play: Any) -> None:
-    """4.17/10."""
+    """A stop succeeds while the first reply to the run is missing (4.17/10)."""
     run = play.ask("run_program", b"a.rob")
     play.ask("get_status")
     halt = stop(play)
-    play.says(0x32, b"11", tagged=True)
+    play.receive_frame(0x32, b"11", tagged=True)
     assert halt.outcome() is None
     assert run.accepted is None
 
@@ -137,22 +137,22 @@ def test_emergency_stop_before_the_first_reply(play: Any) -> None:
 def test_interrupted_result_before_after_or_never(play: Any, order: str) -> None:
     """A-4.17-4, 4.17/9: in all cases the stop succeeds and the run is interrupted."""
     run = play.ask("run_program", b"a.rob")
-    play.says(0x30, b"1")
+    play.receive_frame(0x30, b"1")
     halt = stop(play)
     if order == "first":
-        play.says(0x30, b"00|00", tagged=True)
-    play.says(0x32, b"11", tagged=True)
+        play.receive_frame(0x30, b"00|00", tagged=True)
+    play.receive_frame(0x32, b"11", tagged=True)
     if order == "after":
-        play.waits(4)
-        play.says(0x30, b"00|00", tagged=True)
-    play.waits(5)
+        play.wait_for(4)
+        play.receive_frame(0x30, b"00|00", tagged=True)
+    play.wait_for(5)
     assert halt.outcome() is None
     with pytest.raises(Interrupted, match="run_program was interrupted"):
         run.outcome()
     assert play.core.observed_readings["estop_interrupted"] == {order}
     again = play.ask("run_program", b"a.rob")
-    play.says(0x30, b"1")
-    play.says(0x30, b"11", tagged=True)
+    play.receive_frame(0x30, b"1")
+    play.receive_frame(0x30, b"11", tagged=True)
     assert again.outcome() is None
 
 
@@ -160,9 +160,9 @@ def test_a_stopped_jog_succeeds(play: Any) -> None:
     """A-4.17-4: a stop is its normal end, ``11``."""
     jog = play.ask("jog", JogDirection.MINUS_X)
     assert play.sent() == [(0x3D, b"4")]
-    play.says(0x3D, b"1")
+    play.receive_frame(0x3D, b"1")
     stop(play)
-    play.says(0x3D, b"11", tagged=True)
+    play.receive_frame(0x3D, b"11", tagged=True)
     assert jog.outcome() is None
 
 
@@ -170,20 +170,20 @@ def test_a_stopped_jog_succeeds(play: Any) -> None:
 def test_a_failed_stop_interrupts_nothing(play: Any, result: bytes | None) -> None:
     """After a refused or failed stop the run may still be executing."""
     run = play.ask("run_program", b"a.rob")
-    play.says(0x30, b"1")
+    play.receive_frame(0x30, b"1")
     halt = stop(play, first=result is not None)
     if result is not None:
-        play.says(0x32, result, tagged=True)
-    play.waits(3600)
+        play.receive_frame(0x32, result, tagged=True)
+    play.wait_for(3600)
     assert isinstance(halt.error, Failed if result else Refused)
     assert not run.settled
 
 
 def test_a_stop_can_be_repeated(play: Any) -> None:
-    """After its first reply, with or without a result."""
+    """A stop can be sent again after its first reply, with or without a result."""
     first = stop(play)
     second = stop(play)
-    play.says(0x32, b"11", tagged=True)
+    play.receive_frame(0x32, b"11", tagged=True)
     assert isinstance(first.error, Interrupted)
     assert second.outcome() is None
 
@@ -191,24 +191,24 @@ def test_a_stop_can_be_repeated(play: Any) -> None:
 def test_accepting_a_command_again_interrupts_the_first(play: Any) -> None:
     """FIRM A-4-2: none is accepted while one executes, so the first result was lost."""
     before = play.ask("run_program", b"a.rob")
-    play.says(0x30, b"1")
+    play.receive_frame(0x30, b"1")
     refused = play.ask("run_program", b"b.rob")
-    play.says(0x30, b"0|01")
+    play.receive_frame(0x30, b"0|01")
     assert isinstance(refused.error, Refused)
     assert not before.settled
     after = play.ask("run_program", b"b.rob")
-    play.says(0x30, b"1")
+    play.receive_frame(0x30, b"1")
     assert isinstance(before.error, Interrupted)
-    play.says(0x30, b"11", tagged=True)
+    play.receive_frame(0x30, b"11", tagged=True)
     assert after.outcome() is None
 
 
 def test_shutdown_has_no_final_result(play: Any) -> None:
     """4.35: done with its ``1``; refused with a code."""
     done = play.ask("shutdown")
-    play.says(0x60, b"1")
+    play.receive_frame(0x60, b"1")
     assert done.outcome() is None
     refused = play.ask("shutdown")
-    play.says(0x60, b"0|01")
+    play.receive_frame(0x60, b"0|01")
     assert refused.error.code.text == "01"
     assert not BY_NAME["shutdown"].two_stage

@@ -1,4 +1,4 @@
-"""Which readings a peer gives away, and where it contradicts itself."""
+"""Which readings are detected from the traffic of a peer, and where it contradicts itself."""
 
 from collections.abc import Callable
 from typing import Any
@@ -74,7 +74,7 @@ OF_EXCHANGES = {
 def test_a_reading_is_seen(
     judged: Judged, peer: Direction, key: str, option: str, session: str
 ) -> None:
-    """It is one of the register's, and the only one of its kind."""
+    """The detector reports this reading, and no other option of it."""
     assert option in {o.name for o in READINGS[key].options}
     assert judged(session).judge.dialect_seen.of(peer)[key] == (option,)
 
@@ -82,16 +82,16 @@ def test_a_reading_is_seen(
 @pytest.mark.parametrize(
     ("peer", "key", "session"), [(p, k, s) for p, k, _, s in SEEN if k in OF_EXCHANGES]
 )
-def test_behind_a_gap_nothing_is_seen(
+def test_nothing_is_detected_after_a_gap(
     judged: Judged, peer: Direction, key: str, session: str
 ) -> None:
-    """What may be the work of a gap says nothing about a peer."""
+    """After a gap no reading is detected, because the gap may be the cause."""
     seen = judged("> gap\n< gap\n" + session).judge.dialect_seen
     assert key not in seen.of(peer)
 
 
-def test_who_mixes_two_readings_is_told(judged: Judged) -> None:
-    """The more frequent first."""
+def test_mixed_readings_are_reported(judged: Judged) -> None:
+    """Both options are reported, the more frequent one first."""
     lists = "> list_programs\n< list_programs {}\n"
     record = judged("login\n" + lists.format("0|") + lists.format("0") * 2)
     seen = record.judge.dialect_seen
@@ -100,20 +100,20 @@ def test_who_mixes_two_readings_is_told(judged: Judged) -> None:
     assert not seen.mixed(A2C)
 
 
-def test_both_opcodes_are_no_mixture(judged: Judged) -> None:
-    """A controller may serve both (A-4.12-1)."""
+def test_both_opcodes_are_not_mixed(judged: Judged) -> None:
+    """A controller may serve both opcodes (A-4.12-1)."""
     seen = judged("login\n> 0D\n< 0D a\n> 13\n< 13 a").judge.dialect_seen
     assert set(seen.of(C2A)["op_get_default"]) == {"0x0D", "0x13"}
     assert not seen.mixed(C2A)
 
 
 def test_the_refusal_of_a_reset_shows_no_reading(judged: Judged) -> None:
-    """It is drawn, whatever else the busy robot is silent to (A-4-2)."""
+    """A busy robot refuses a reset even if it ignores other requests (A-4-2)."""
     seen = judged(RUN + "> reset\n< reset 0|01").judge.dialect_seen
     assert "busy_reply" not in seen.of(C2A)
 
 
 def test_an_answer_as_to_an_undefined_opcode_shows_no_reading(judged: Judged) -> None:
-    """A bare 0 is what an unknown opcode may get (A-3-9)."""
+    """A bare 0 is also a possible reply to an unknown opcode (A-3-9)."""
     seen = judged("login\n> 0D\n< 0D 0").judge.dialect_seen
     assert "op_get_default" not in seen.of(C2A)

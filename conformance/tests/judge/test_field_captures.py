@@ -1,4 +1,4 @@
-"""Captures of controllers and clients that others wrote: the judge says of them what is true."""
+"""Field captures that were not written by this project: the judge reports the right findings."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +18,7 @@ CONFORMING = {
     "plant-b-other-dialect": 144,
     "plant-c-serial-bridge-bytewise": 77,
 }
-"""Captures of which nothing fails, and their frames."""
+"""Captures without failures, and their number of frames."""
 
 LITTLE = {"endian": ("little",), "chunk_trunc": ("full",), "op_get_default": ("0x13",)}
 DIALECTS = {
@@ -63,7 +63,7 @@ DIALECTS = {
 
 @pytest.fixture(scope="module")
 def capture(judged: Judged, fixtures_dir: Path) -> Callable[[str], Any]:
-    """What the judge makes of a capture; each is read once."""
+    """Return a function that judges a capture; each is read once."""
     records: dict[str, Any] = {}
 
     def read(name: str) -> Any:
@@ -76,20 +76,20 @@ def capture(judged: Judged, fixtures_dir: Path) -> Callable[[str], Any]:
 
 
 def number_of(record: Any, place: Any) -> int:
-    """The number of the frame at a place, from 1, as the captures' README counts."""
+    """The number of the frame at a place, from 1, as in the README of the captures."""
     frames = [h.place for h in record.happenings if isinstance(h, FrameSeen)]
     return 1 + frames.index(place)
 
 
 def broken(record: Any) -> list[tuple[str, int]]:
-    """What failed, and the frame that shows it."""
+    """The failed requirements, and the frame that shows each failure."""
     failures = [f for f in record.findings if f.verdict is Verdict.FAIL]
     return [(f.requirement, number_of(record, f.evidence[-1])) for f in failures]
 
 
 @pytest.mark.parametrize("name", CONFORMING)
 def test_a_conforming_capture_conforms(capture: Callable[[str], Any], name: str) -> None:
-    """Every byte is understood, everything that came was asked for, and nothing fails."""
+    """All frames decode without issues, no reply is unsolicited, and nothing fails."""
     record = capture(name)
     frames = [h for h in record.happenings if isinstance(h, FrameSeen)]
     assert len(frames) == CONFORMING[name]
@@ -102,7 +102,7 @@ def test_a_conforming_capture_conforms(capture: Callable[[str], Any], name: str)
 
 @pytest.mark.parametrize("name", CONFORMING)
 def test_its_dialect_is_seen(capture: Callable[[str], Any], name: str) -> None:
-    """Each peer's readings, and that it is true to them."""
+    """The readings of each peer are detected, and none is mixed."""
     seen = capture(name).judge.dialect_seen
     for peer in Direction:
         of_rules = {k: v for k, v in seen.of(peer).items() if k in DIALECTS[name][peer]}
@@ -111,13 +111,13 @@ def test_its_dialect_is_seen(capture: Callable[[str], Any], name: str) -> None:
 
 
 def test_another_dialect_is_tolerated_by_name(capture: Callable[[str], Any]) -> None:
-    """What differs from the default is said, and with which reading."""
+    """The findings name the readings that differ from the default."""
     readings = {f.reading for f in capture("plant-b-other-dialect").findings}
     assert {("endian", "big"), ("chunk_trunc", "truncated")} <= readings
 
 
 def test_files_are_put_together(capture: Callable[[str], Any]) -> None:
-    """The uploads and the download of a shift, whole."""
+    """The files of two uploads and one download are complete."""
     transfers = capture("plant-a-morning-shift").transfers
     assert [(t.upload, t.name, t.state.value, t.received_bytes) for t in transfers] == [
         (True, b"blob.bin", "done", 645),
@@ -128,8 +128,8 @@ def test_files_are_put_together(capture: Callable[[str], Any]) -> None:
     assert bytes(transfers[1].content[:5] + transfers[1].content[-5:]) == b"SCARAARACS"
 
 
-def test_a_torn_capture_fails_nobody(capture: Callable[[str], Any]) -> None:
-    """What was lost is inconclusive, the rest is judged."""
+def test_a_capture_with_gaps_has_no_failures(capture: Callable[[str], Any]) -> None:
+    """What depends on lost bytes is inconclusive, the rest is judged."""
     record = capture("plant-a-torn")
     assert broken(record) == []
     assert record.judge.conclusion is Conclusion.INCONCLUSIVE
@@ -150,17 +150,17 @@ def test_a_torn_capture_fails_nobody(capture: Callable[[str], Any]) -> None:
         ),
     ],
 )
-def test_a_complaint_has_its_cause(
+def test_cause_of_a_complaint(
     capture: Callable[[str], Any], name: str, expected: list[tuple[str, int]]
 ) -> None:
-    """The requirement that is broken, and the frame that breaks it."""
+    """The expected requirement fails at the expected frame."""
     record = capture(name)
     assert set(expected) <= set(broken(record))
     assert record.judge.conclusion is Conclusion.NONCONFORMANT
 
 
-def test_nobody_is_blamed_besides(capture: Callable[[str], Any]) -> None:
-    """Each complaint has one cause, in its own clause and in the general one."""
+def test_no_further_failures(capture: Callable[[str], Any]) -> None:
+    """No other requirement fails than the one of the cause and the general one."""
     failed = {name: capture(name).failed for name in ("complaint-1", "complaint-2", "complaint-3")}
     assert failed["complaint-1"] == {"3/18"}
     assert failed["complaint-2"] <= {"T/1", "4.3/2"}
@@ -168,16 +168,16 @@ def test_nobody_is_blamed_besides(capture: Callable[[str], Any]) -> None:
     assert capture("complaint-4").failed == {"5.1/4", "5.1/8"}
 
 
-def test_the_damage_is_told_to_the_byte(capture: Callable[[str], Any]) -> None:
-    """Where what comes back differs, and from what."""
+def test_the_first_different_byte_is_reported(capture: Callable[[str], Any]) -> None:
+    """The finding names the first byte that differs, and both contents."""
     (finding,) = (f for f in capture("complaint-3").findings if f.requirement == "5.2/12")
     assert "from byte 65600 on" in finding.message
     assert finding.expected.endswith("at 65600: 40 41 42 43 44 45 46 47")
     assert finding.observed.endswith("at 65600: 00 00 00 00 00 00 00 00")
 
 
-def test_the_client_is_blamed_for_its_positions(capture: Callable[[str], Any]) -> None:
-    """Its chunks show what was due, and what it sent."""
+def test_wrong_chunk_positions_of_a_client(capture: Callable[[str], Any]) -> None:
+    """The evidence shows the expected position and the one that was sent."""
     findings = [f for f in capture("complaint-4").findings if f.requirement == "5.1/4"]
     assert [(f.expected, f.observed) for f in findings] == [
         (str(200 * n), str(n)) for n in range(1, 6)

@@ -1,7 +1,7 @@
-"""Nobody is blamed who is right: clients that behave, a virtual controller of any dialect, a judge.
+"""No false alarms: the judge reads conforming clients and a virtual controller of any dialect.
 
-A session is a list of steps that hypothesis draws and, where the judge raises a false alarm, makes
-as short as it can. SCARASPEC_FULL=1 tries some sixteen times as many.
+A session is a list of steps that hypothesis draws. After a false alarm hypothesis shortens it.
+SCARASPEC_FULL=1 tries about sixteen times as many.
 """
 
 import os
@@ -44,7 +44,7 @@ from scaraspec.virtual_controller.store import Store
 BATCHES = 400 if os.environ.get("SCARASPEC_FULL") else 24
 
 NOT_CONFORMING = {("prelogin", "all"), ("busy_reply", "queue"), ("err_sep", "space")}
-"""Readings that the register lists and does not allow (A-4-4, A-4-2, A-0-2)."""
+"""Readings that the register lists but does not permit (A-4-4, A-4-2, A-0-2)."""
 
 WAIT = Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(2))
 OUTPUT = Node(b"", NodeType.SET_OUTPUT, data=SetOutput(4, 3, 1, 0))
@@ -57,7 +57,7 @@ CONTENTS = (PROGRAMS[b"long.rob"], b"x" * 400, b"no program", bytes(range(256)) 
 
 
 class Tap:
-    """Stands between a network and a core, and tells all that passes as a recorder would."""
+    """A recorder between a network and a core, which keeps all traffic as wire events."""
 
     def __init__(self, core: ControllerCore) -> None:
         self.events: list[WireEvent] = []
@@ -74,20 +74,20 @@ class Tap:
     ) -> Sequence[Action]:
         self._live.add(connection)
         self._add(connection, A2C, Kind.OPENED, now_s)
-        return self._told(self._core.open(connection, now_s, link), now_s)
+        return self._record(self._core.open(connection, now_s, link), now_s)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
         self._add(connection, A2C, Kind.BYTES, now_s, data)
-        return self._told(self._core.receive(connection, data, now_s), now_s)
+        return self._record(self._core.receive(connection, data, now_s), now_s)
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
         self._end(connection, A2C, now_s)
-        return self._told(self._core.close(connection, now_s), now_s)
+        return self._record(self._core.close(connection, now_s), now_s)
 
     def advance(self, now_s: float) -> Sequence[Action]:
-        return self._told(self._core.advance(now_s), now_s)
+        return self._record(self._core.advance(now_s), now_s)
 
-    def _told(self, actions: Sequence[Action], now_s: float) -> Sequence[Action]:
+    def _record(self, actions: Sequence[Action], now_s: float) -> Sequence[Action]:
         for action in actions:
             if action.data is None:
                 self._end(action.connection, C2A, now_s)
@@ -103,14 +103,14 @@ class Tap:
     def _add(
         self, connection: int, direction: Direction, kind: Kind, now_s: float, data: bytes = b""
     ) -> None:
-        time_ns = round(now_s * 1e9) + 1000 * len(self.events)  # nothing is quite at once
+        time_ns = round(now_s * 1e9) + 1000 * len(self.events)  # no two events have the same time
         at = self._offsets.get((connection, direction), 0)
         self._offsets[connection, direction] = at + len(data)
         self.events.append(WireEvent(time_ns, str(connection), direction, kind, data, at))
 
 
 class Client:
-    """One connection, and what has come over it."""
+    """One connection, and what was received on it."""
 
     def __init__(self, link: MemoryLink, dialect: Dialect) -> None:
         self.link = link
@@ -119,23 +119,23 @@ class Client:
         self._framer = Framer(C2A)
 
     def ask(self, name: str, value: Any = None, *, answer: bool = False) -> list[Frame]:
-        """Send a request, or an answer to a chunk; give what comes at once."""
+        """Send a request, or a reply to a chunk; return what arrives at once."""
         command = BY_NAME[name]
         payload = command.reply if answer else command.request
         opcode = command.opcode
         if command.alternate_opcode and self._dialect["op_get_default"] == "0x13":
             opcode = command.alternate_opcode
         self.send(Frame(A2C, opcode, payload.encode(value, self._dialect)).encode())
-        return self.hear()
+        return self.receive_frames()
 
     def send(self, data: bytes) -> None:
-        """Send bytes, unless the controller has ended the link."""
-        self.hear()
+        """Send bytes, unless the controller has closed the connection."""
+        self.receive_frames()
         if self.open:
             self.link.send(data)
 
-    def hear(self) -> list[Frame]:
-        """Take what has arrived; hang up where the controller has."""
+    def receive_frames(self) -> list[Frame]:
+        """Return what has arrived; disconnect if the controller has closed the connection."""
         frames = []
         while self.open and (arrival := self.link.receive(self.link.now_s)):
             if isinstance(arrival.content, Ending):
@@ -150,8 +150,8 @@ class Client:
         self.link.close()
 
 
-def says(frames: list[Frame], name: str, data: bytes) -> bool:
-    """Whether a reply to this command with this data is there."""
+def has_reply(frames: list[Frame], name: str, data: bytes) -> bool:
+    """Return whether the frames contain a reply to this command with this data."""
     return any(
         frame.opcode == BY_NAME[name].opcode and not frame.tagged and frame.data[:1] == data
         for frame in frames
@@ -173,46 +173,46 @@ class Session:
         self.clients: list[Client] = []
 
     def client(self, number: int) -> Client | None:
-        """One of those that are connected."""
+        """One of the connected clients."""
         for client in self.clients:
-            client.hear()
+            client.receive_frames()
         self.clients = [client for client in self.clients if client.open]
         return self.clients[number % len(self.clients)] if self.clients else None
 
     def connect(self) -> None:
         """A client connects and logs in."""
         client = Client(self.network.connect(), self.dialect)
-        client.hear()
-        if client.open and says(client.ask("login", self.password), "login", b"1"):
+        client.receive_frames()
+        if client.open and has_reply(client.ask("login", self.password), "login", b"1"):
             self.clients.append(client)
         elif client.open:
             client.hang_up()
 
     def mistake(self, password: bytes) -> None:
-        """A client connects with what is probably no password, and leaves."""
+        """A client connects, tries a password that is probably wrong, and disconnects."""
         client = Client(self.network.connect(), self.dialect)
         client.ask("login", password)
         if client.open:
             client.hang_up()
 
     def hang_up(self, number: int) -> None:
-        """A client leaves."""
+        """A client disconnects."""
         if client := self.client(number):
             client.hang_up()
 
     def ask(self, number: int, name: str, value: Any) -> None:
-        """A client asks for something."""
+        """A client sends a request."""
         if client := self.client(number):
             client.ask(name, value)
 
-    def look(self, number: int, names: Sequence[str]) -> None:
-        """A client asks several questions, one behind the other."""
+    def query_several(self, number: int, names: Sequence[str]) -> None:
+        """A client sends several queries, one after the other."""
         for name in names:
             self.ask(number, name, None)
             self.wait(0.001)
 
     def ask_slowly(self, number: int, name: str, cut: int) -> None:
-        """A request without data comes in two pieces."""
+        """A client sends a request without data in two pieces."""
         if client := self.client(number):
             data = Frame(A2C, BY_NAME[name].opcode).encode()
             client.send(data[:cut])
@@ -223,46 +223,44 @@ class Session:
         """A client sets another password."""
         client = self.client(number)
         change = PasswordChange(self.password, new)
-        if client and says(client.ask("set_password", change), "set_password", b"1"):
+        if client and has_reply(client.ask("set_password", change), "set_password", b"1"):
             self.password = new
 
     def upload(self, number: int, name: bytes, content: bytes, most_chunks: int) -> None:
-        """A client sends a file, or as much of it as it likes."""
+        """A client uploads a file, or a part of it."""
         client = self.client(number)
-        if not client or not says(client.ask("upload_name", name), "upload_name", b"1"):
+        if not client or not has_reply(client.ask("upload_name", name), "upload_name", b"1"):
             return
         for chunk in list(chunks_of(content))[:most_chunks]:
-            if not says(client.ask("upload_chunk", chunk), "upload_chunk", b"1"):
+            if not has_reply(client.ask("upload_chunk", chunk), "upload_chunk", b"1"):
                 return
 
     def download(self, number: int, name: bytes, most_chunks: int) -> None:
-        """A client fetches a file, or as much of it as it likes."""
+        """A client downloads a file, or a part of it."""
         client = self.client(number)
         if not client:
             return
-        heard = client.ask("download_name", name)
+        frames = client.ask("download_name", name)
         for _ in range(most_chunks):
-            if not any(frame.opcode == BY_NAME["download_chunk"].opcode for frame in heard):
+            if not any(frame.opcode == BY_NAME["download_chunk"].opcode for frame in frames):
                 return
-            heard = client.ask("download_chunk", True, answer=True)  # noqa: FBT003 - the flag's value
+            frames = client.ask("download_chunk", True, answer=True)  # noqa: FBT003 - the flag's value
 
     def wait(self, duration_s: float) -> None:
-        """Time passes."""
         self.network.run_until(self.network.now_s + duration_s)
 
     def fault(self, code: str, lasting: bool) -> None:  # noqa: FBT001 - a step's argument
-        """Something breaks."""
         self.plant.fail(code, self.network.now_s, lasting=lasting)
         self.wait(0.001)
 
     def recover(self, number: int) -> None:
-        """What broke is mended, and a client resets the robot."""
+        """The fault is repaired, and a client resets the robot."""
         self.plant.repair()
         self.ask(number, "reset", None)
         self.wait(10.0)
 
     def events(self) -> list[WireEvent]:
-        """All that passed, to the end of all connections."""
+        """All traffic, after all connections are closed."""
         while client := self.client(0):
             client.hang_up()
         return self.tap.events
@@ -291,25 +289,29 @@ likely: dict[str, SearchStrategy[Any]] = {
     "set_digital_output": st.builds(PortValue, st.integers(1, 16), st.integers(0, 1)),
     "set_gripper_center": st.builds(Point, *[st.sampled_from([0.0, 12.5])] * 3),
 }
-ASKED = [c for c in COMMANDS if c.initiator is A2C and c.clause < "5" and c.name != "login"]
+REQUESTED = [c for c in COMMANDS if c.initiator is A2C and c.clause < "5" and c.name != "login"]
 
 
 def requests(command: Command) -> SearchStrategy[tuple[Any, ...]]:
-    """Steps in which this is asked, with any value that may be or, mostly, one that makes sense."""
+    """Steps that send this request, with any valid value or, mostly, a useful one."""
     value = payload_values(command.request)
     if command.name in likely:
         value = likely[command.name] | likely[command.name] | value
     return st.tuples(st.just("ask"), numbers, st.just(command.name), value)
 
 
-queries = [c.name for c in ASKED if c.hazard is Hazard.READ_ONLY and not c.request.fields]
+queries = [c.name for c in REQUESTED if c.hazard is Hazard.READ_ONLY and not c.request.fields]
 usual = st.one_of(
-    st.just(("wait", 0.0)),  # first, so that it takes the place of what a failure does not need
+    st.just(("wait", 0.0)),  # first, because hypothesis shrinks unneeded steps to it
     st.tuples(st.just("wait"), st.sampled_from([0.001, 0.05, 0.3, 1.0, 3.0])),
-    st.sampled_from([c for c in ASKED if c.name in likely]).flatmap(requests),
-    st.tuples(st.just("look"), numbers, st.just(("get_status", "get_running_program") * 2)),
-    st.tuples(st.just("look"), numbers, st.just(("get_joint_angles", "get_tool_coordinates") * 2)),
-    st.tuples(st.just("look"), numbers, st.lists(st.sampled_from(queries), max_size=4)),
+    st.sampled_from([c for c in REQUESTED if c.name in likely]).flatmap(requests),
+    st.tuples(
+        st.just("query_several"), numbers, st.just(("get_status", "get_running_program") * 2)
+    ),
+    st.tuples(
+        st.just("query_several"), numbers, st.just(("get_joint_angles", "get_tool_coordinates") * 2)
+    ),
+    st.tuples(st.just("query_several"), numbers, st.lists(st.sampled_from(queries), max_size=4)),
     st.tuples(
         st.just("upload"),
         numbers,
@@ -325,7 +327,7 @@ rare = st.one_of(
     st.tuples(st.just("mistake"), payload_values(BY_NAME["login"].request)),
     st.tuples(st.just("change_password"), numbers, payload_values(BY_NAME["login"].request)),
     st.tuples(st.just("ask_slowly"), numbers, st.sampled_from(queries), st.integers(1, 3)),
-    st.sampled_from(ASKED).flatmap(requests),
+    st.sampled_from(REQUESTED).flatmap(requests),
     st.just(("wait", 31.0)),
     st.tuples(st.just("fault"), st.sampled_from(sorted(c.text for c in FAILURES)), st.booleans()),
     st.tuples(st.just("recover"), numbers),
@@ -342,10 +344,10 @@ unusual = st.sampled_from(
 
 
 @pytest.mark.parametrize("batch", range(BATCHES))
-def test_who_behaves_is_not_blamed(judged: Callable[..., Any], batch: int) -> None:
-    """Nothing fails, nothing is in doubt and nothing breaks, whatever was read in the document."""
+def test_conforming_peers_have_no_failures(judged: Callable[..., Any], batch: int) -> None:
+    """Conforming peers get no finding worse than tolerated, in any dialect."""
 
-    # Behind the first ten examples most are variations of others: many short runs see more.
+    # After ten examples hypothesis mostly varies earlier ones, so that many short runs find more.
     @seed(batch)
     @settings(max_examples=10, suppress_health_check=[HealthCheck.too_slow])
     @given(st.lists(unusual, max_size=5).map(dict), st.lists(steps, min_size=20, max_size=60))

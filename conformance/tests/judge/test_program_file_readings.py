@@ -1,4 +1,4 @@
-"""What an uploaded program gives away of its author's readings, and what it does not."""
+"""Which readings of a client are detected from an uploaded program."""
 
 import pytest
 
@@ -31,7 +31,7 @@ def uploaded(
 
 
 def seen(*nodes: Node) -> dict[str, str]:
-    """What a program of these nodes shows besides its layout."""
+    """The readings that a program of these nodes shows, except its layout."""
     found = {s.key: s.option for s in observed_file_readings(uploaded(build(Program(nodes=nodes))))}
     return {key: option for key, option in found.items() if LITTLE.get(key) != option}
 
@@ -51,7 +51,7 @@ def when(*numbers: int) -> tuple[Node, Node]:
 
 @pytest.mark.parametrize("name", ["ilp32", "packed", "pack2", "lp64-big", "ilp32-header13"])
 def test_the_layout_shows(name: str) -> None:
-    """The size and the counts leave one layout."""
+    """The size and the counts permit only one layout."""
     layout = LAYOUTS[name]
     content = build(Program(nodes=loop(1) * 3), layout)
     found = set(observed_file_readings(uploaded(content)))
@@ -60,7 +60,7 @@ def test_the_layout_shows(name: str) -> None:
 
 
 def test_readings_of_nodes_show() -> None:
-    """Each open point where the file decides it, and not where it fits all readings."""
+    """A reading is detected where the file decides it, and not where all readings fit."""
     far = Node(b"", NodeType.POINT, data=Point((400.0, 0.0, 300.0, 0.0)))
     near = Node(b"", NodeType.POINT, data=Point((40.0, 0.0, 300.0, 0.0)))
     assert seen(far) == {"point_meaning": "pose"}
@@ -83,7 +83,7 @@ def test_an_unscaled_wait_shows() -> None:
 
 
 def test_only_whole_uploads_of_programs_show_anything() -> None:
-    """A download is what somebody had uploaded; half a file may be anything."""
+    """A download contains what another client uploaded, and an incomplete file may be anything."""
     content = build(Program(nodes=loop(1)))
     assert list(observed_file_readings(uploaded(content)))
     assert not list(observed_file_readings(uploaded(content, upload=False)))

@@ -25,14 +25,14 @@ REGISTER_ENTRY = re.compile(r"A-(T|[0-8]|4\.[1-9][0-9]?|6\.[1-6][ab]?)-[1-9][0-9
 WORD = {Strength.FIRM: "must", Strength.TOLERANT: "should", Strength.INFO: "expected"}
 
 
-def test_every_requirement_is_there_once() -> None:
-    """402 requirements, and no id hides another."""
+def test_every_requirement_exists_once() -> None:
+    """There are 402 requirements with different ids."""
     assert len(CATALOGUE) == 402
     assert tuple(REQUIREMENTS.values()) == CATALOGUE
 
 
-def test_the_counts_are_those_of_the_survey_of_the_document() -> None:
-    """A row that lost or changed a column shows here."""
+def test_numbers_of_requirements() -> None:
+    """A row that lost or changed a column is found here."""
     assert Counter(r.basis for r in CATALOGUE) == {
         Basis.TEXT: 208,
         Basis.DERIVED: 164,
@@ -57,13 +57,13 @@ def test_the_counts_are_those_of_the_survey_of_the_document() -> None:
     assert Counter(method for r in CATALOGUE for method in r.testable) == {
         Method.ACTIVE_CONTROLLER: 243,
         Method.ACTIVE_CLIENT: 132,
-        Method.PASSIVE: 299,
+        Method.PASSIVE: 318,
         Method.STATIC: 45,
     }
 
 
-def test_a_real_controller_can_be_asked_85_questions_that_only_read() -> None:
-    """The default run on hardware has these and no others."""
+def test_85_requirements_are_read_only() -> None:
+    """The default run on hardware needs only these read-only requirements."""
     read_only = [
         r
         for r in CATALOGUE
@@ -72,8 +72,8 @@ def test_a_real_controller_can_be_asked_85_questions_that_only_read() -> None:
     assert len(read_only) == 85
 
 
-def test_clauses_stand_together_and_count_from_one() -> None:
-    """No number is skipped and no clause comes back after another one."""
+def test_clauses_are_contiguous_and_count_from_one() -> None:
+    """The numbers of a clause have no gap, and its rows follow each other."""
     numbers: dict[str, list[int]] = {}
     for entry in CATALOGUE:
         numbers.setdefault(entry.clause, []).append(int(entry.id.removeprefix(f"{entry.clause}/")))
@@ -84,15 +84,15 @@ def test_clauses_stand_together_and_count_from_one() -> None:
 
 
 def test_lines_are_lines_of_the_document() -> None:
-    """Every citation can be looked up, and a range has more than one line."""
+    """Each citation is a line of the document, or a range of more than one line."""
     for entry in CATALOGUE:
         for lines in entry.lines:
             first, last = (lines, lines + 1) if isinstance(lines, int) else lines
             assert 1 <= first < last <= LAST_LINE, entry.id
 
 
-def test_what_cites_the_document_quotes_it() -> None:
-    """Only robustness can do without the document's words, and a quote has a place."""
+def test_citations_have_a_quotation() -> None:
+    """Only robustness requirements may have no quotation, and each quotation has a line."""
     for entry in CATALOGUE:
         assert bool(entry.original) == bool(entry.lines), entry.id
         assert entry.lines or entry.basis is Basis.ROBUSTNESS, entry.id
@@ -100,15 +100,15 @@ def test_what_cites_the_document_quotes_it() -> None:
         assert all(quote and quote == quote.strip() for quote in quotes), entry.id
 
 
-def test_the_register_is_cited_in_its_own_form() -> None:
-    """Every requirement names an open point that bears on it."""
+def test_citations_of_the_register() -> None:
+    """Each requirement cites at least one entry of the register, in the right form."""
     for entry in CATALOGUE:
         assert entry.register, entry.id
         assert all(REGISTER_ENTRY.fullmatch(name) for name in entry.register), entry.id
 
 
-def test_the_sentence_says_how_strong_it_is() -> None:
-    """A firm sentence says must, and only a firm one does."""
+def test_only_firm_sentences_contain_must() -> None:
+    """A firm sentence contains "must", and no other sentence does."""
     for entry in CATALOGUE:
         words = set(re.findall(r"\w+", entry.sentence))
         assert WORD[entry.strength] in words, entry.id
@@ -116,8 +116,9 @@ def test_the_sentence_says_how_strong_it_is() -> None:
         assert entry.sentence.endswith("."), entry.id
 
 
-def test_nobody_is_tested_for_the_duty_of_the_other() -> None:
-    """A case on controllers binds controllers, one on clients or their files binds clients."""
+def test_cases_test_the_bound_side() -> None:
+    """Active cases for controllers bind controllers, cases for clients or their files bind
+    clients."""
     for entry in CATALOGUE:
         if Method.ACTIVE_CONTROLLER in entry.testable:
             assert entry.binds is not Binds.CLIENT, entry.id
@@ -126,29 +127,29 @@ def test_nobody_is_tested_for_the_duty_of_the_other() -> None:
 
 
 def test_a_citation_reads_as_it_is_written_in_reports() -> None:
-    """Ranges have a dash, places a comma, silence nothing."""
+    """A range has a dash, lists have a comma, and no lines give an empty text."""
     assert requirement("4.16/2").where == "L337-342"
     assert requirement("4.3/4").where == "L153, L98"
     assert requirement("2/13").where == ""
 
 
 def test_a_requirement_is_found_by_its_id() -> None:
-    """The id is the key, and the clause is its first half."""
+    """The first half of an id is the clause."""
     found = requirement("4.15/3")
     assert found is REQUIREMENTS["4.15/3"]
     assert found.clause == "4.15"
     assert found.original == "0xCC | 0x30 | 4 | “0 11” | 0xAA"
 
 
-def test_an_unknown_requirement_is_answered_with_near_ones() -> None:
-    """A slip of the finger is shown where it slipped."""
+def test_an_unknown_requirement_suggests_similar_ids() -> None:
+    """The message suggests similar ids."""
     with pytest.raises(UnknownRequirementError, match=r"no requirement '4\.15/33'.*4\.15/3"):
         requirement("4.15/33")
 
 
 @pytest.mark.parametrize("name", ["A" * 1_000_000, "4.15/" + "3" * 1_000_000, "\x1b[2J"])
 def test_a_hostile_name_gives_a_short_printable_message(name: str) -> None:
-    """What is typed or read from a file cannot flood or repaint the terminal."""
+    """A long name or one with control characters gives a short printable message."""
     with pytest.raises(UnknownRequirementError) as caught:
         select(name)
     message = str(caught.value)
@@ -175,14 +176,14 @@ def test_a_clause_is_found_with_its_subclauses(prefix: str, clauses: set[str]) -
 
 
 @pytest.mark.parametrize("prefix", ["", "4.", "4.29", "9", "4.15/3", "t"])
-def test_a_clause_that_is_none_is_an_error(prefix: str) -> None:
+def test_an_unknown_clause_is_an_error(prefix: str) -> None:
     """An empty selection would look like a run without failures."""
     with pytest.raises(UnknownRequirementError):
         by_clause(prefix)
 
 
 def test_a_selection_mixes_clauses_and_requirements() -> None:
-    """Each requirement comes once and in the order of the document, however it was named."""
+    """Each requirement is selected once, in the order of the document, however it was named."""
     assert [r.id for r in select("4.22, 4.21/6,2/13,4.22/1")] == [
         "2/13",
         "4.21/6",
@@ -193,6 +194,6 @@ def test_a_selection_mixes_clauses_and_requirements() -> None:
 
 @pytest.mark.parametrize("selection", ["", "4.15,", "4.15,,2", "4.15;2", "4.15/", "/3", "all"])
 def test_a_selection_with_an_unknown_item_is_an_error(selection: str) -> None:
-    """One wrong item spoils the list, so that it cannot be overlooked."""
+    """One unknown item makes the whole selection an error."""
     with pytest.raises(UnknownRequirementError):
         select(selection)

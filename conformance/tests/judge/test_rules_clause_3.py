@@ -1,4 +1,4 @@
-"""Clause 3: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Clause 3: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -62,7 +62,7 @@ LATE_REST = """
     <90 run_program 11
 """
 IN_TIME = HALF.format(answered="< list_programs 0|a.rob")
-IN_VAIN = HALF.format(answered="")
+NEVER_ANSWERED = HALF.format(answered="")
 
 LEFT = """
     login
@@ -119,15 +119,21 @@ CASES = (
         "fail 3/6 4.18/5",
         "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> get_time",
     ),
-    # Nothing comes that would end the frame: the length is one that the document prints (L450).
+    # No frame end follows: the length is one that the document prints (L450).
     (
         "3/7",
         "fail 3/6 4.21/6",
         "login\n> = AA 36 19 32 30 30 7C 33 30 30 7C 33 32 34 7C 33 34 7C 33 34 7C 30 CC",
     ),
-    # Nor does it here, where the length is that of the whole frame: the login is never answered.
+    # No frame end follows: the length is that of the whole frame, so that the login is never
+    # answered.
     ("3/7", "fail 3/6", "> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
-    ("3/7", "none", "> = AA 01 0D 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    # A text contains no end byte; it ends the frame also if another length is declared.
+    ("3/7", "fail 3/6", "> = AA 01 0D 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    ("3/7", "fail 3/6", "login\n> get_status\n< = CC 09 FF 30 30 AA CC 07 FF 31 AA"),
+    ("3/7", "pass", "login\n> = AA 30 0D 61 62\n> close"),
+    ("3/7", "pass", "login\n> = AA 30 0D 61 62 CC 00\n> close"),
+    ("3/7", "pass", "login\n> = AA 52 D4 00 01 CC\n> close"),
     ("3/7", "inconclusive", "> gap\n> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n> close"),
     ("3/8", "pass", QUERY),
     ("3/8", "fail 3/6 3/7", "login\n> = AA 09 00 30 CC\n> get_status\n< get_status 00"),
@@ -152,7 +158,7 @@ CASES = (
         "login\n> gap 4\n> get_time\n< 08 1\n> get_status\n< get_status 00\n+11\n> get_status",
     ),
     ("3/12", "pass", RUN),
-    ("3/12", "fail", "login\n> run_program a.rob\n< run_program 1\n< run_program 11"),
+    ("3/12", "fail 4.15/5", "login\n> run_program a.rob\n< run_program 1\n< run_program 11"),
     ("3/14", "pass", RUN),
     ("3/14", "tolerated A-3-6=90 09", "login\n> get_status\n< get_status 00\n<90 09 00"),
     ("3/15", "pass", QUERY),
@@ -186,7 +192,7 @@ CASES = (
     ("3/18", "fail", RUN + "<90 run_program 11"),
     (
         "3/18",
-        "fail",
+        "fail 4.15/5",
         """
         login
         > run_program a.rob
@@ -200,11 +206,11 @@ CASES = (
     ),
     (
         "3/18",
-        "fail",
+        "fail 4.18/4",
         "login\n> reset\n< reset 1\n> get_status\n< get_status 00\n+6\n> close",
     ),
     ("3/18", "inconclusive", "login\n> reset\n< reset 1\n< gap 7\n> get_status\n< get_status 00"),
-    # Not yet over when the link is lost, or shut down: no verdict.
+    # The connection was closed or the robot shut down before the final result: no verdict.
     ("3/18", "none", "login\n> reset\n< reset 1\n> close"),
     (
         "3/18",
@@ -259,17 +265,18 @@ CASES = (
         "fail 3/6 3/7",
         f"login\n> = AA 30 2C {LONG_NAME} CC\n> get_status\n< get_status 00",
     ),
-    # What was announced does not come, and another request does: who answers that has waited 2 s.
+    # The announced bytes never come, but another request does: the controller answers after 2 s.
     ("3/7", "fail 3/6", IN_TIME),
     ("3/26", "pass 3/6 3/7", IN_TIME),
     ("3/31", "pass 3/32", "login\n> = AA\n+3\n> get_time\n< get_time 20260101000000"),
     ("3/31", "pass", "login\n> = AA 09\n+3\n> = 00 CC\n< get_status 00"),
     ("3/31", "pass", LATE_REST),
     ("3/31", "pass 3/6 3/7", IN_TIME),
-    ("3/31", "inconclusive 3/6 3/7", IN_VAIN),  # who waits on takes it for the rest (A-3-11)
+    # A controller that waits longer takes it for the rest (A-3-11).
+    ("3/31", "inconclusive 3/6 3/7", NEVER_ANSWERED),
     ("3/31", "pass", QUERY),
     ("3/31", "pass", "login\n> get_time\n+6\n< get_time 20260101000000"),
-    # Before the login silence is one way to refuse (A-4-4).
+    # Before the login a controller may refuse by silence (A-4-4).
     ("3/31", "none 2/10", "> get_time\n> get_status\n+20\n> get_status"),
     (
         "3/31",
@@ -282,31 +289,31 @@ CASES = (
         "fail",
         "login\n> get_time\n> get_status\n< get_status 00\n+6\n< get_time 20260101000000",
     ),
-    # Overtaken, and too late by itself.
+    # The second reply overtakes the first one and is itself too late.
     (
         "3/31",
         "fail",
         "login\n> get_time\n> get_status\n+6\n< get_status 00\n< get_time 20260101000000",
     ),
-    # Asked again after the reply time, answered once: one of the two was not answered.
+    # Requested again after the reply time, but answered once: one of the two was not answered.
     ("3/31", "fail", "login\n> get_time\n+6\n> get_time\n< get_time 20260101000000\n+11\n> close"),
     ("3/31", "pass", "login\n> get_time\n> get_status\n< get_status 00\n> close"),
-    # A robot that serves one request at a time drops what is sent while one is open (A-3-14) ...
+    # A robot that serves one request at a time drops others while one is open (A-3-14) ...
     ("3/31", "tolerated pipelining=one", PIPELINED.format(asked="> get_time\n> get_status")),
-    # ... and only while the answer to that one is due, and not out of one segment (2/6).
+    # ... but only until the reply is due, and not if both came in one segment (2/6).
     ("3/31", "fail", PIPELINED.format(asked="> get_time\n+6\n> get_status")),
     ("3/31", "fail", PIPELINED.format(asked="> = AA 07 00 CC AA 09 00 CC")),
-    # Whether there is a port 17 is open (A-4.32-2), and so what is said where there is none.
+    # It is open whether port 17 exists (A-4.32-2), and also the reply if it does not.
     (
         "3/31",
         "tolerated A-3-9=ignored",
         "login\n> set_digital_output 17|1\n+6\n> get_status\n< get_status 00",
     ),
     ("3/31", "inconclusive", "login\n> get_time\n+6\n> close"),
-    # An upload may be given up after 30 s of silence, and a stray chunk be ignored (A-5-16).
+    # A client may abort an upload after 30 s of silence, and then a late chunk is ignored (A-5-16).
     ("3/31", "fail", LATE_CHUNK.format(pause=20)),
     ("3/31", "pass", LATE_CHUNK.format(pause=40)),
-    # A robot that shuts down, or changes its address, answers no more.
+    # A robot that shuts down or changes its address answers no further requests.
     ("3/31", "pass", "login\n> shutdown\n< shutdown 1\n> get_time\n+6\n> close"),
     ("3/31", "inconclusive", "login\n> get_time\n< gap 18\n> get_status\n< get_status 00"),
     (
@@ -316,9 +323,9 @@ CASES = (
             "<90", "> reset\n> get_status\n< get_status 01\n+11\n> get_status\n< get_status 01\n<90"
         ),
     ),
-    # Who started it has gone, and with it the final result.
+    # The client that started the program has disconnected, so that no final result follows.
     ("3/31", "tolerated busy_reply=silence", LEFT + "2> reset" + LATER),
-    # No recorded client has started what the robot reports to execute (A-4.12-3).
+    # No recorded client started the program that the robot reports (A-4.12-3).
     (
         "3/31",
         "tolerated busy_reply=silence",
@@ -330,7 +337,7 @@ CASES = (
         TWO_CLIENTS + "2> reset\n> get_status\n< get_status 01" + LATER,
     ),
     ("3/31", "fail", LEFT + "2> get_status\n2< get_status 00\n2> reset" + LATER),
-    # Another client was the first; that its program runs was not said yet.
+    # Another client started a program first; its first reply came later.
     (
         "3/31",
         "tolerated busy_reply=silence",
@@ -364,7 +371,7 @@ CASES = (
         "tolerated jog_byte=binary",
         "login\n> jog 1\n> get_status\n< get_status 00\n+11\n> get_status\n< get_status 00",
     ),
-    # It takes this notation.
+    # The controller accepts this notation of the command.
     (
         "3/31",
         "fail",
@@ -378,7 +385,7 @@ CASES = (
         "login\n> get_status\n< = CC\n< get_status 00\n> get_time\n< get_time 20260101000000",
     ),
     ("3/32", "inconclusive", "> gap\n> = 00 00\n> get_status"),
-    # Another program connects to the port, and may get a reply in its own protocol.
+    # Another kind of program connects to the port, and may get a reply in its own protocol.
     ("3/32", "none", f"> = {b'GET / HTTP/1.1'.hex()}\n< = {b'HTTP/1.1 400'.hex()}"),
     ("3/32", "none", f"> = {b'SSH-2.0-x'.hex()}\n< close"),
     ("3/32", "fail", "> = 68 65 6C 6C 6F\n< close"),
@@ -389,5 +396,5 @@ CASES = (
 def test_clause_3(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

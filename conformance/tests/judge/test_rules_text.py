@@ -1,4 +1,5 @@
-"""The text conventions: each requirement on traffic that keeps it, and on traffic that does not."""
+"""The text conventions: each requirement with traffic that meets it and traffic that violates
+it."""
 
 from collections.abc import Callable
 
@@ -22,7 +23,7 @@ CASES = (
     ("T/1", "pass", answered("get_running_program", "0||")),
     ("T/1", "pass", answered("list_programs", "0a.rob|b.rob")),
     ("T/1", "pass", REFUSED),
-    # One field too few between single bars is a fault of the clause, not of the bars.
+    # One field too few between single bars violates the clause, not the rule about bars.
     ("T/1", "pass 4.3/2", answered("get_network", "192.168.1.2|255.255.255.0")),
     ("T/1", "fail 4.3/2", answered("get_network", "192.168.1.2 255.255.255.0 192.168.1.1")),
     ("T/1", "fail 4.3/2", answered("get_network", "192.168.1.2,255.255.255.0,192.168.1.1")),
@@ -57,7 +58,7 @@ CASES = (
     ("T/5", "fail 4.27/2", answered("get_joint_angles", "20.4||38.0|0")),
     ("T/5", "fail 4.33/2", answered("get_analog_input", "1|1,5", "08")),
     ("T/5", "fail 4.20/1", answered("set_gripper_center", "0", "1|2|+3")),
-    # A speed with decimals is a plain number; that it is no integer is for 4.24/2.
+    # A speed with decimals is a plain number; 4.24/2 requires an integer.
     ("T/5", "pass 4.24/2", answered("set_tool_coordinates", "0|05", "60.0|1|2|3|4|5|6")),
     ("T/6", "pass", answered("delete_program", "1", "a.rob")),
     ("T/6", "fail", answered("delete_program", "0", "a|b.rob")),
@@ -77,5 +78,5 @@ CASES = (
 def test_text_conventions(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

@@ -26,7 +26,7 @@ UPLOAD_AND_BACK = """
 
 
 def judged(session: list[WireEvent], scope: Scope) -> tuple[Judge, list[Finding]]:
-    """Judge a session; return the judge, and all findings."""
+    """Judge a session; return the judge and all findings."""
     judge = Judge(scope=scope)
     items = [item for event in session for item in judge.feed(event)] + [*judge.close()]
     return judge, [item for item in items if isinstance(item, Finding)]
@@ -44,7 +44,7 @@ def judged(session: list[WireEvent], scope: Scope) -> tuple[Judge, list[Finding]
 def test_the_side_of_a_finding(
     script: Script, session: str, requirement: str, side: Direction
 ) -> None:
-    """Every finding is yielded; only those about the subject are tallied."""
+    """All findings are yielded; only those about the subject are counted."""
     events = script(session)
     for subject in (A2C, C2A):
         judge, findings = judged(events, Scope(subject))
@@ -63,7 +63,7 @@ def test_a_finding_about_both(script: Script, side: Direction) -> None:
 
 
 def test_passes_of_the_other_side(script: Script) -> None:
-    """They do not count either: a side without traffic has met nothing."""
+    """A side without traffic has passed nothing."""
     events = script(UPLOAD_AND_BACK)
     both, client, controller = (judged(events, Scope(side))[0].tallies for side in (None, A2C, C2A))
     assert both.keys() == client.keys() | controller.keys()
@@ -78,7 +78,7 @@ def test_passes_of_the_other_side(script: Script) -> None:
 
 
 def test_what_cannot_be_decided(script: Script) -> None:
-    """It is yielded, but neither tallied nor counted for the other side."""
+    """The finding is yielded, but counts for neither side."""
     events = script("login\n> get_status\n< get_status 0")
     judge, findings = judged(events, Scope(C2A, undecidable=frozenset({"4.8/2"})))
     assert "4.8/2" in {finding.requirement for finding in findings}
@@ -87,7 +87,7 @@ def test_what_cannot_be_decided(script: Script) -> None:
 
 
 def test_unsupported_commands(script: Script) -> None:
-    """Their exchanges count for the client, and not for the controller."""
+    """Exchanges of unsupported commands count for the client, not for the controller."""
     events = script("login\n> get_time\n+6\n> get_status\n< get_status 00")
     assert judged(events, EVERYTHING)[0].tallies["3/31"].verdict is Verdict.FAIL
     scope = Scope(unsupported=frozenset({"get_time"}))

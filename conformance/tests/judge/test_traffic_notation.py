@@ -19,7 +19,7 @@ SESSION = r"""
 
 
 def test_lines_become_events(script: Callable[[str], list[WireEvent]]) -> None:
-    """Opened by itself, one millisecond a line, offsets that count gaps as well."""
+    """The connection is opened implicitly, lines are 1 ms apart, and offsets include gaps."""
     events = script(SESSION)
     assert [(e.time_ns // 1_000_000, e.connection, e.direction, e.kind) for e in events] == [
         (1, "1", A2C, Kind.OPENED),
@@ -45,8 +45,8 @@ def test_lines_become_events(script: Callable[[str], list[WireEvent]]) -> None:
     assert events[5].length_bytes == 3
 
 
-def test_bytes_can_be_cut_anew(script: Callable, recut: Callable) -> None:
-    """Nothing but the pieces changes."""
+def test_bytes_can_be_recut(script: Callable, recut: Callable) -> None:
+    """Only the sizes of the pieces change."""
     events = script("> get_status\n< gap 2\n< get_status 00")
     pieces = list(recut(events, lambda: 1))
     assert b"".join(e.data for e in pieces) == b"".join(e.data for e in events)

@@ -1,4 +1,4 @@
-"""Verdicts only rise, blame is explicit, and no run is green for having tested nothing."""
+"""Verdicts only rise, a cause is always stated, and a run that tested nothing does not pass."""
 
 import pytest
 from hypothesis import given
@@ -30,20 +30,20 @@ counts = st.dictionaries(st.sampled_from(Verdict), st.integers(min_value=0, max_
         (FAIL, ERROR),
     ],
 )
-def test_the_lattice_is_the_one_of_the_law(lesser: Verdict, graver: Verdict) -> None:
-    """None < pass < tolerated < inconclusive < fail < error, in whichever order they come."""
+def test_order_of_verdicts(lesser: Verdict, graver: Verdict) -> None:
+    """None < pass < tolerated < inconclusive < fail < error, in any order."""
     assert worst([lesser, graver]) is graver
     assert worst([graver, lesser]) is graver
 
 
 def test_nothing_judged_is_none() -> None:
-    """No evidence is no pass."""
+    """No evidence gives no pass."""
     assert worst([]) is NONE
 
 
 @given(verdicts, verdicts)
 def test_more_evidence_never_lowers_a_verdict(seen: list[Verdict], more: list[Verdict]) -> None:
-    """Judging in pieces comes to the same as judging at once, and one of them is the worst."""
+    """Judging in parts gives the same result as judging at once."""
     whole = worst(seen + more)
     assert worst([worst(seen), worst(more)]) is whole
     assert worst([whole, worst(seen)]) is whole
@@ -64,21 +64,24 @@ def test_more_evidence_never_lowers_a_verdict(seen: list[Verdict], more: list[Ve
         ({}, Conclusion.NOTHING_TESTED, 4),
     ],
 )
-def test_a_run_amounts_to(counted: dict[Verdict, int], conclusion: Conclusion, status: int) -> None:
-    """A proven failure outweighs a broken suite; nothing tested is not conformant."""
+def test_conclusion_of_a_run(
+    counted: dict[Verdict, int], conclusion: Conclusion, status: int
+) -> None:
+    """A proven failure outweighs an error of the suite; a run that tested nothing is not
+    conformant."""
     assert conclude(counted) is conclusion
     assert conclusion.exit_status == status
 
 
 def test_exit_status_2_is_left_to_wrong_arguments() -> None:
-    """No run that took place can be mistaken for one that was called wrongly."""
+    """No conclusion of a run has the exit status for wrong arguments."""
     concluded = {conclusion.exit_status for conclusion in Conclusion}
     assert set(ExitStatus) - concluded == {ExitStatus(2)} == {ExitStatus.USAGE}
 
 
 @given(counts)
-def test_green_has_something_tested_and_nothing_unsettled(counted: dict[Verdict, int]) -> None:
-    """No combination of counts is conformant by default."""
+def test_conformant_runs_have_passes_and_nothing_undecided(counted: dict[Verdict, int]) -> None:
+    """Every conformant run has a pass and no inconclusive verdict or error."""
     green = conclude(counted) is Conclusion.CONFORMANT
     judged = counted.get(PASS, 0) + counted.get(TOLERATED, 0)
     unsettled = sum(counted.get(verdict, 0) for verdict in (INCONCLUSIVE, FAIL, ERROR))
@@ -86,7 +89,7 @@ def test_green_has_something_tested_and_nothing_unsettled(counted: dict[Verdict,
 
 
 def test_a_toleration_names_its_reading() -> None:
-    """What the document leaves open is never passed in silence."""
+    """A tolerated finding without a reading is an error."""
     with pytest.raises(ValueError, match=r"4\.9/7 must name the reading"):
         Finding("4.9/7", TOLERATED, Cause.SUBJECT, "The reply is 0||.")
     found = Finding(
@@ -96,8 +99,8 @@ def test_a_toleration_names_its_reading() -> None:
 
 
 @pytest.mark.parametrize("cause", [Cause.SET_UP, Cause.DEPENDENCY, Cause.SUITE])
-def test_a_failure_blames_nobody_but_the_subject(cause: Cause) -> None:
-    """What went wrong elsewhere is inconclusive or an error, never nonconformance."""
+def test_only_the_subject_can_fail(cause: Cause) -> None:
+    """Other causes give inconclusive or error, never fail."""
     with pytest.raises(ValueError, match=f"not the {cause.value}"):
         Finding("4.1/2", FAIL, cause, "The login was not answered.")
     assert Finding("4.1/2", INCONCLUSIVE, cause, "No answer was seen.").cause is cause

@@ -1,4 +1,4 @@
-"""The recorded runs that the test specification shows."""
+"""The recorded runs in the test specification."""
 
 import json
 
@@ -23,7 +23,7 @@ def test_each_case_is_recorded(role: Role) -> None:
     [(Role.CONTROLLER, "4.15/2.missing"), (Role.CLIENT, "T/9.temperatures")],
 )
 def test_recorded_runs_are_current(role: Role, case: str) -> None:
-    """A case that needs no earlier case does what is recorded: else, run ``make spec``."""
+    """A case that needs no earlier case does what is recorded; otherwise run ``make spec``."""
     recorded = json.loads(RECORDED_RUNS.read_text("utf-8"))[role.value]
     options = Options(only=frozenset(), cases=frozenset({case}), allowed=ALL, exhaustive=True)
     assert recorded_runs(role, options) == {case: recorded[case]}

@@ -10,7 +10,7 @@ from scaraspec.mutants.registry import MutantRegistry
 class _Client(ABC):
     @abstractmethod
     def data(self) -> bytes:
-        """Return the data that it sends."""
+        """Return the data to send."""
 
 
 def test_an_abstract_class_is_refused() -> None:

@@ -8,7 +8,7 @@ from scaraspec.suite.engine.plan import ALL, Options
 
 
 def test_two_faults_have_two_causes() -> None:
-    """Each group has the failures of one of them."""
+    """Each group has only the failures of one fault."""
     first, second = mutants()["time-with-two-digits-of-the-year"], mutants()["any-password-opens"]
     both = replace(first, wrong=type("Both", (first.wrong, second.wrong), {}))
     only = frozenset(first.requirements + second.requirements)

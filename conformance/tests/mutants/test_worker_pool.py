@@ -10,16 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.mutants.worker_pool import apart
+from scaraspec.mutants.worker_pool import in_processes
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux watches a process")
 
 HERE = "__import__('os').getpid(), __import__('tempfile').mkdtemp()"
 FOR_LONG = "__import__('time').sleep(60)"
 LEFT = f"""
-from scaraspec.mutants.worker_pool import apart
-for told in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
-    print(*told, flush=True)
+from scaraspec.mutants.worker_pool import in_processes
+for printed in in_processes(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
+    print(*printed, flush=True)
 """
 
 
@@ -31,8 +31,8 @@ def gone(watch: int) -> bool:
 
 def test_results_are_in_order_and_workers_are_replaced() -> None:
     """Nine calls are run in order by workers that run two calls each."""
-    assert list(apart(abs, range(-9, 0), jobs=1, runs=2)) == list(range(9, 0, -1))
-    workers = Counter(apart(os.readlink, ["/proc/self"] * 5, jobs=1, runs=2))
+    assert list(in_processes(abs, range(-9, 0), jobs=1, runs=2)) == list(range(9, 0, -1))
+    workers = Counter(in_processes(os.readlink, ["/proc/self"] * 5, jobs=1, runs=2))
     assert sorted(workers.values()) == [1, 2, 2]
 
 
@@ -40,7 +40,7 @@ def test_close_does_not_wait_for_pending_work(tmp_path: Path) -> None:
     """Workers are ended during their work, and their temporary files are deleted."""
     done = tmp_path / "done"
     work = f"{FOR_LONG}, __import__('pathlib').Path({str(done)!r}).touch()"
-    with closing(apart(eval, [HERE, work], jobs=1, runs=2)) as results:
+    with closing(in_processes(eval, [HERE, work], jobs=1, runs=2)) as results:
         number, folder = next(results)
         watch = os.pidfd_open(number)
     assert gone(watch)

@@ -82,7 +82,7 @@ def test_the_file_has_all_rows_in_order(rows: list[Row], wrong: list[Row]) -> No
     ]
 
 
-def test_the_fields_are_what_is_printed(rows: list[Row]) -> None:
+def test_fields_match_the_printed_cells(rows: list[Row]) -> None:
     """Direction, tag, opcode and declared length match the cells of the printed row."""
     edges = {"A2C": ("0xAA", "0xCC"), "C2A": ("0xCC", "0xAA")}
     for row in rows:

@@ -70,9 +70,9 @@ def test_frames_survive_any_split(sent: tuple[Direction, list[Frame]], cuts: lis
 @given(directions, noise, st.lists(st.integers(0)))
 def test_split_does_not_matter(direction: Direction, data: bytes, cuts: list[int]) -> None:
     """Any byte string gives the same frames as a whole, in any split, and byte by byte."""
-    whole = run(Framer(direction), data)
-    assert run(Framer(direction), *pieces(data, cuts)) == whole
-    assert run(Framer(direction), *(bytes((b,)) for b in data)) == whole
+    complete = run(Framer(direction), data)
+    assert run(Framer(direction), *pieces(data, cuts)) == complete
+    assert run(Framer(direction), *(bytes((b,)) for b in data)) == complete
 
 
 @given(directions, noise)

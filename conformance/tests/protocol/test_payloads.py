@@ -138,7 +138,7 @@ def test_a_binary_flag_may_end_with_a_nul() -> None:
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "says"),
+    ("where", "value", "message"),
     [
         ("login.request", b"", "1 to 255 bytes"),
         ("login.request", b"a|b", "separator"),
@@ -154,9 +154,9 @@ def test_a_binary_flag_may_end_with_a_nul() -> None:
         ("reset.result", Outcome(done=False), "needs a code"),
     ],
 )
-def test_encoding_errors(where: str, value: Any, says: str) -> None:
+def test_encoding_errors(where: str, value: Any, message: str) -> None:
     """Encoding a forbidden value raises an error that states the reason."""
-    with pytest.raises(PayloadError, match=says):
+    with pytest.raises(PayloadError, match=message):
         payload(where).encode(value)
 
 

@@ -13,7 +13,7 @@ from scaraspec.protocol.redaction import is_secret, mask, mask_unframed
         (Frame(A2C, 0x01, b"x"), True),
         (Frame(A2C, 0x03, b"old|new"), True),
         (Frame(C2A, 0x01, b"1"), False),
-        (Frame(C2A, 0x01, b"open sesame"), True),  # a faulty echo
+        (Frame(C2A, 0x01, b"open sesame"), True),  # a reply that repeats the password
         (Frame(A2C, 0x09), False),
     ],
 )

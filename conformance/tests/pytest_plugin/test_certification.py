@@ -19,7 +19,7 @@ FOLDER = CASES[Role.CONTROLLER]
 
 
 def test_files() -> None:
-    """Each file names the requirements of its cases, so they can be found by them."""
+    """Each file contains the ids of its requirements, so that a search finds it."""
     texts = {file: file.read_text("utf-8") for file in FOLDER.glob("test_*.py")}
     for case, file in cases_in(FOLDER, Role.CONTROLLER):
         assert all(f'"{each}"' in texts[file] for each in case.requirements), case.id
@@ -46,7 +46,7 @@ def test_all_files() -> None:
     ],
 )
 def test_reports(verdict: Verdict, outcome: str) -> None:
-    """The verdict decides, not what the last attempt raised."""
+    """The report follows the verdict, not the exception of the last attempt."""
     case = Case("4.8/2", ("4.8/2",), frozenset({Hazard.READ_ONLY}))
     known: Any = {"nodeid": "a", "location": ("a", 0, "a"), "keywords": {}, "longrepr": None}
     reports = [
@@ -55,15 +55,15 @@ def test_reports(verdict: Verdict, outcome: str) -> None:
         pytest.TestReport(**known, outcome="passed", when="teardown"),
     ]
     item = cast("pytest.Item", type("Item", (), {"path": Path("a")}))
-    ended = Outcome(case, verdict, message="message", expected="1", observed="2")
+    ended = Outcome(case, verdict, message="me\n::error::", expected="1", observed="2")
     setup, call, teardown = reported(ended, reports, item)
     assert (setup.outcome, call.outcome, teardown.outcome) == ("passed", outcome, "passed")
     if outcome == "failed":
-        assert call.longrepr == "message\nexpected: 1\nobserved: 2"
+        assert call.longrepr == "me⟨U+000A⟩::error::\nexpected: 1\nobserved: 2"
 
 
 def test_settings_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What configures the pytest of a user does not configure the one that runs the cases."""
+    """The settings of a user's pytest do not affect the pytest that runs the cases."""
     monkeypatch.setenv("PYTEST_ADDOPTS", "--no-such-option")
     monkeypatch.setenv("PYTEST_PLUGINS", "no_such_module")
     collector = CaseCollector(Role.CONTROLLER, Options(), FOLDER)

@@ -1,4 +1,4 @@
-"""The plugin in a repository of a team, beside the plugins, fixtures and settings of the team."""
+"""The plugin in the repository of a team, with the plugins, fixtures and settings of the team."""
 
 import os
 import re
@@ -100,7 +100,7 @@ Pytest = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture
 def repository(tmp_path: Path) -> Path:
-    """A repository of a team, with a folder `conformance` of its own."""
+    """A repository of a team, with its own folder `conformance`."""
     folder = tmp_path / "repository"
     (folder / "conformance").mkdir(parents=True)
     (folder / "pyproject.toml").write_text(SETTINGS, "utf-8")
@@ -111,7 +111,7 @@ def repository(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def run(repository: Path) -> Pytest:
-    """Run pytest in the repository with all plugins that are installed."""
+    """Run pytest in the repository with all installed plugins."""
 
     def start(*arguments: str, **variables: str) -> "subprocess.CompletedProcess[str]":
         own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
@@ -155,7 +155,7 @@ def _certify(url: str, only: str) -> tuple[str, ...]:
 
 
 def test_without_options(run: Pytest) -> None:
-    """Only the tests of the team run, and nothing of scaraspec is loaded for them."""
+    """Only the tests of the team run, and nothing of scaraspec is imported for them."""
     done = run()
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 passed, 1 skipped" in done.stdout
@@ -170,7 +170,7 @@ def test_without_a_controller(run: Pytest) -> None:
 
 
 def test_conforming(run: Pytest, controller: str, repository: Path) -> None:
-    """The cases run after the tests of the team, in their order, with their requirements."""
+    """The cases run in order after the tests of the team, with their requirements."""
     files = ("--junitxml", "junit.xml", "--html", "report.html", "--scaraspec-out", "out")
     (repository / "conformance/check_client.py").write_text(WITH_THE_FIXTURE, "utf-8")
     done = run(*_certify(controller, "2/1,4.7/2"), *files)
@@ -208,7 +208,8 @@ def test_failure_of_the_team(run: Pytest, controller: str) -> None:
 
 
 def test_several_workers(run: Pytest, controller: str, repository: Path) -> None:
-    """What uses the controller runs on one worker, which sends the exit status of the results."""
+    """All tests that use the controller run on one worker, which sends the exit status of the
+    results."""
     (repository / "conformance/check_client.py").write_text(WITH_THE_FIXTURE, "utf-8")
     inconclusive = ("--scaraspec-require", "4.35/5")
     done = run("-n", "2", "--dist", "worksteal", *_certify(controller, "4.7"), *inconclusive)

@@ -1,4 +1,4 @@
-"""What uses the controller is one unit for every mode of pytest-xdist."""
+"""All tests that use the controller are one unit in every mode of pytest-xdist."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The options of the plugin are those of the command line."""
+"""The options of the plugin equal those of the command line."""
 
 from typing import Any, cast
 
@@ -12,7 +12,7 @@ from scaraspec.pytest_plugin.settings import read
 URL = "tcp://192.168.1.2"
 
 
-class Given:
+class GivenOptions:
     """The configuration of a session with these options."""
 
     def __init__(self, **options: Any) -> None:
@@ -23,11 +23,11 @@ class Given:
 
 
 def _read(**options: Any) -> Any:
-    return read(cast("pytest.Config", Given(**options)))
+    return read(cast("pytest.Config", GivenOptions(**options)))
 
 
 def test_same_options() -> None:
-    """Each option of the command exists, except those of runs that pytest does not do."""
+    """Each option of the command exists, except those of features that pytest does not have."""
     names = {max(o.opts, key=len)[2:] for o in command.params if isinstance(o, click.Option)}
     only_there = {"attended", "certification", "dry-run", "package", "rerun-from"}
     assert names - set(WORDS) == only_there
@@ -35,7 +35,8 @@ def test_same_options() -> None:
 
 
 def test_same_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without options everything is as on the command line; the password comes from there, too."""
+    """Without options everything is as on the command line, also the password from the
+    environment."""
     monkeypatch.setenv("SCARASPEC_PASSWORD", "secret")
     given = _read()
     assert given.settings == Settings(**command.make_context("controller", [URL]).params)
@@ -52,14 +53,14 @@ def test_values(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "says"),
+    ("option", "value", "message"),
     [
         ("--scaraspec-examples", "0", "Invalid value for '--scaraspec-examples'"),
         ("--scaraspec-ics", "/nowhere.toml", "/nowhere.toml"),
         ("--scaraspec-subject", "ftp://host", "ftp://host"),
     ],
 )
-def test_errors(option: str, value: str, says: str) -> None:
+def test_errors(option: str, value: str, message: str) -> None:
     """An error names the option with its prefix."""
-    with pytest.raises(pytest.UsageError, match=says):
+    with pytest.raises(pytest.UsageError, match=message):
         _read(**{option: value})

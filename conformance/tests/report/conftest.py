@@ -1,4 +1,4 @@
-"""Results for the tests of the writers: full ones, hostile ones, and those of field captures."""
+"""Results for the tests of the writers: complete, hostile, and of field captures."""
 
 from collections.abc import Callable
 from dataclasses import replace

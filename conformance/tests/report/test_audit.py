@@ -133,8 +133,8 @@ def test_different_findings_are_separate_cases() -> None:
         for m in ("57 bytes", "58 bytes")
     ]
     results = results_of(*tolerated, failure("run ended twice"), failure("reset ended twice"))
-    told = [(case.id, case.verdict, case.message, case.observed) for case in results.cases]
-    assert told == [
+    printed = [(case.id, case.verdict, case.message, case.observed) for case in results.cases]
+    assert printed == [
         ("3/18", Verdict.FAIL, "run ended twice", "two"),
         ("3/18.2", Verdict.FAIL, "reset ended twice", "two"),
         ("3/18.3", Verdict.TOLERATED, "57 bytes (2 times)", "endian = big"),
@@ -151,7 +151,7 @@ def test_findings_beyond_the_limit_are_counted() -> None:
     assert len(case.wire) < 50
 
 
-def test_nothing_judged_is_nothing_tested() -> None:
+def test_no_judged_requirement_is_nothing_tested() -> None:
     """Without a case there is no conformance."""
     results = from_audit(Judge(), SessionStats(), subject=SUBJECT)
     assert results.verdict is Conclusion.NOTHING_TESTED

@@ -1,7 +1,7 @@
 """The page in headless Chromium: search, filter, keys, languages, print, hostile text.
 
-Needs Chromium; run by `make test-browser`. The tests control the browser over two pipes, with
-its debugging protocol.
+Needs Chromium; run by `make test-browser`. The tests control the browser with its debugging
+protocol over two pipes.
 """
 
 import base64
@@ -33,8 +33,7 @@ _MANY: Final = 3000
 class Browser:
     """A page in headless Chromium.
 
-    Args:
-        profile: An empty folder for what it keeps.
+    Args: profile: An empty folder for the browser's files.
     """
 
     def __init__(self, profile: Path) -> None:
@@ -73,23 +72,23 @@ class Browser:
                 return infos
 
     def do(self, method: str, **params: Any) -> Any:
-        """Order something, and wait for what comes of it."""
+        """Send a command, and wait for its result."""
         self._number += 1
         order: dict[str, Any] = {"id": self._number, "method": method, "params": params}
         if self._session:
             order["sessionId"] = self._session
         self._out.write(json.dumps(order).encode() + b"\0")
-        while (answer := self._heard()).get("id") != self._number:
+        while (answer := self._read_message()).get("id") != self._number:
             pass
         assert "error" not in answer, answer
         return answer["result"]
 
-    def _heard(self) -> Any:
-        said = bytearray()
+    def _read_message(self) -> Any:
+        reported = bytearray()
         while (byte := self._in.read(1)) not in (b"\0", b""):
-            said += byte
-        assert said, "the browser has ended"
-        message = json.loads(said)
+            reported += byte
+        assert reported, "the browser has ended"
+        message = json.loads(reported)
         match message.get("method"):
             case "Runtime.exceptionThrown" | "Log.entryAdded":
                 self.complaints.append(json.dumps(message["params"]))
@@ -100,24 +99,22 @@ class Browser:
         return message
 
     def open(self, file: Path) -> None:
-        """Open a page, wholly."""
         self.do("Page.navigate", url=file.as_uri())
-        while self.ask("document.readyState") != "complete":
+        while self.evaluate("document.readyState") != "complete":
             pass
 
-    def ask(self, expression: str) -> Any:
-        """What an expression amounts to in the page."""
-        told = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
-        return told["result"].get("value")
+    def evaluate(self, expression: str) -> Any:
+        """The value of an expression in the page."""
+        answer = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
+        return answer["result"].get("value")
 
     def key(self, key: str) -> None:
-        """Press a key, as a reader does."""
+        """Press a key."""
         text = {"text": key} if len(key) == 1 else {}
         self.do("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
         self.do("Input.dispatchKeyEvent", type="keyUp", key=key)
 
     def close(self) -> None:
-        """End it."""
         self._process.kill()
         self._process.wait()
         self._out.close()
@@ -134,7 +131,7 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
 
 @pytest.fixture
 def page_of(browser: Browser, tmp_path: Path) -> Any:
-    """Opens the page of results."""
+    """Return a function that opens the page of some results."""
 
     def show(results: Results) -> Browser:
         html.write(results, tmp_path / "report.html")
@@ -152,18 +149,18 @@ def test_search_and_filter_with_thousands_of_cases(page_of: Any, full: Results) 
     model = next(case for case in full.cases if case.verdict.value == "pass")
     many = tuple(replace(model, id=f"{model.id}.n{i}", message=f"case {i}") for i in range(_MANY))
     page = page_of(replace(full, cases=full.cases + many))
-    assert page.ask(SHOWN) == len(full.cases) + _MANY
+    assert page.evaluate(SHOWN) == len(full.cases) + _MANY
     page.key("/")
     for letter in ".n2999":
         page.key(letter)
-    assert page.ask("document.activeElement.id") == "search"
-    assert page.ask(SHOWN) == 1
-    assert page.ask("document.querySelector('#shown').textContent") == "1"
+    assert page.evaluate("document.activeElement.id") == "search"
+    assert page.evaluate(SHOWN) == 1
+    assert page.evaluate("document.querySelector('#shown').textContent") == "1"
     page.do(
         "Runtime.evaluate", expression="search.value = ''; search.dispatchEvent(new Event('input'))"
     )
-    page.ask("document.querySelector('.filters input[value=pass]').click()")
-    assert page.ask(SHOWN) == sum(case.verdict.value != "pass" for case in full.cases)
+    page.evaluate("document.querySelector('.filters input[value=pass]').click()")
+    assert page.evaluate(SHOWN) == sum(case.verdict.value != "pass" for case in full.cases)
 
 
 def test_keyboard_navigation(page_of: Any, full: Results) -> None:
@@ -172,30 +169,30 @@ def test_keyboard_navigation(page_of: Any, full: Results) -> None:
     page.key("j")
     page.key("j")
     here = "document.activeElement.closest('.case').id"
-    assert page.ask(here) == "case-1"
+    assert page.evaluate(here) == "case-1"
     page.key("k")
-    assert page.ask(here) == "case-0"
+    assert page.evaluate(here) == "case-0"
 
 
 def test_language_switch(page_of: Any, full: Results) -> None:
     """One language is visible at a time."""
     page = page_of(full)
     seen = "getComputedStyle(document.querySelector('h1 .{}')).display != 'none'"
-    assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (True, False)
-    page.ask("document.querySelector('[data-switch=zh]').click()")
-    assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (False, True)
+    assert (page.evaluate(seen.format("en")), page.evaluate(seen.format("zh"))) == (True, False)
+    page.evaluate("document.querySelector('[data-switch=zh]').click()")
+    assert (page.evaluate(seen.format("en")), page.evaluate(seen.format("zh"))) == (False, True)
 
 
 def test_hostile_text_has_no_effect(page_of: Any, hostile: Results) -> None:
     """No script of a SUT runs, no element is created, no network request is made."""
     page = page_of(hostile)
-    assert page.ask("document.scripts.length") == 1
-    assert page.ask("document.querySelectorAll('img, iframe, object, svg a').length") == 0
+    assert page.evaluate("document.scripts.length") == 1
+    assert page.evaluate("document.querySelectorAll('img, iframe, object, svg a').length") == 0
 
 
 def test_page_width_and_print(page_of: Any, full: Results) -> None:
     """No element is wider than the window; the printed document is complete."""
     page = page_of(full)
-    assert page.ask("document.documentElement.scrollWidth <= innerWidth")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     printed = base64.b64decode(page.do("Page.printToPDF")["data"])
     assert printed.startswith(b"%PDF")

@@ -36,7 +36,7 @@ WHOLE = Outer("x", Colour.RED, Inner(3, 0.25), (("a", 1), ("b", 2)), {Colour.BLU
 
 
 def test_round_trip() -> None:
-    """Every kind of member that the model uses."""
+    """A value with every type of member is converted back unchanged."""
     plain = to_plain(WHOLE)
     assert plain == {
         "name": "x",
@@ -59,7 +59,7 @@ def test_an_integer_is_accepted_as_float() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "printed"),
     [
         ({"name": None}, "name is None, not a string"),
         ({"colour": "green"}, "colour is 'green', not one of red, blue"),
@@ -77,11 +77,11 @@ def test_an_integer_is_accepted_as_float() -> None:
         ({"by_colour": {"\x1b": True}}, "a key of by_colour is '\\x1b', not one of red, blue"),
     ],
 )
-def test_invalid_values(change: dict[str, Any], told: str) -> None:
+def test_invalid_values(change: dict[str, Any], printed: str) -> None:
     """The message has the position of the value."""
     with pytest.raises(InvalidValueError) as caught:
         from_plain(Outer, {"name": "x", "colour": "red"} | change)
-    assert str(caught.value) == told
+    assert str(caught.value) == printed
 
 
 def test_an_invalid_document() -> None:

@@ -56,7 +56,7 @@ SCHEMA = objects(
         environment=objects("", appName=TEXT, appVersion=TEXT),
     ),
 )
-"""What the specification says about the members that we write; it allows no unknown members."""
+"""The members that the specification defines and we write; it allows no unknown members."""
 
 
 def document_of(results: Results) -> dict[str, Any]:

@@ -113,7 +113,7 @@ def test_the_flag_of_a_login_is_shown() -> None:
 
 
 def test_a_password_in_invalid_bytes_is_masked() -> None:
-    """For example a login with a wrong length."""
+    """An example is a login with a wrong length."""
     found = evidence_of(invalid_bytes(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
     assert found.frame_hex == "00AA0109" + "2A" * 7
     assert found.note == "no frame: bad end"

@@ -1,6 +1,6 @@
 """The page is well-formed, complete in both languages, offline, and safe against hostile text.
 
-It is read here as a parser reads it; how a browser behaves on it is tested elsewhere.
+Here the tests parse the page; test_browser.py tests it in a browser.
 """
 
 import base64
@@ -95,8 +95,8 @@ def text_without(element: Element, hidden: str) -> str:
     parts = (
         part if isinstance(part, str) else text_without(part, hidden) for part in element.parts
     )
-    apart = "" if element.tag in _IN_LINE else " "
-    return apart + "".join(parts) + apart
+    separated = "" if element.tag in _IN_LINE else " "
+    return separated + "".join(parts) + separated
 
 
 @pytest.fixture

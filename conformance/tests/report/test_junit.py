@@ -1,5 +1,6 @@
 """junit.xml is valid XML for any text, and only passes count as passed."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +53,7 @@ def test_content_of_a_failure(full: Results) -> None:
 
 
 def test_the_sums_match_the_cases(full: Results) -> None:
-    """In the attributes of the suites."""
+    """The attributes of the suites have the right sums."""
     root = tree_of(full)
     assert root.attrib == {
         "name": "scaraspec controller",
@@ -85,7 +86,6 @@ def test_hostile_text_stays_text(hostile: Results) -> None:
 
 
 def test_an_empty_run_does_not_pass(full: Results) -> None:
-    """It has an error."""
     root = tree_of(replace(full, verdict=Conclusion.NOTHING_TESTED, cases=()))
     assert root.get("errors") == "1"
     error = root.find(".//error")
@@ -117,19 +117,31 @@ ALLOWED = {
     **dict.fromkeys(("skipped", "error", "failure"), ({"message", "type"}, set())),
     "system-out": (set(), set()),
 }
-"""The attributes and elements that we write, all of which the xUnit plugin of Jenkins allows."""
+"""The attributes and elements that we write; the xUnit plugin of Jenkins allows all of them."""
+
+REQUIRED = {
+    "testsuite": {"name", "tests", "failures", "errors"},
+    "testcase": {"name"},
+    "property": {"name", "value"},
+}
+"""The attributes that the plugin requires."""
 
 
-def test_only_allowed_elements(full: Results) -> None:
+def test_only_allowed_elements(full: Results, hostile: Results) -> None:
     """The schema of the plugin refuses a file with any other attribute, such as `skipped` above."""
-    for element in tree_of(full).iter():
+    long = replace(full.cases[0], duration_s=12345.6)
+    slow = replace(full, cases=(long, *full.cases[1:]))
+    for element in (each for results in (slow, hostile) for each in tree_of(results).iter()):
         attributes, children = ALLOWED[element.tag]
-        assert set(element.attrib) <= attributes
+        assert REQUIRED.get(element.tag, set()) <= set(element.attrib) <= attributes
         assert {child.tag for child in element} <= children
+        assert re.fullmatch(r"[0-9]*(\.[0-9]*)?", element.get("time", ""))
+        if children:
+            assert not (element.text or "").strip()
 
 
 def test_an_independent_reader(full: Results, hostile: Results) -> None:
-    """A reader of other authors finds the cases and their outcomes, whatever text they contain."""
+    """A parser by other authors finds the cases and their outcomes, whatever text they contain."""
     for results in (full, hostile):
         read = JUnitXml.fromstring(junit.render(results).encode())
         found = [case for suite in read for case in suite]

@@ -68,12 +68,12 @@ every_results = st.builds(
 
 @given(every_results)
 def test_round_trip(results: Results) -> None:
-    """With any texts and numbers."""
+    """Results with any texts and numbers are read as they were written."""
     assert Results.from_json(results.to_json().encode()) == results
 
 
 def test_round_trip_of_a_file(full: Results, hostile: Results, tmp_path: Path) -> None:
-    """With a session and hostile text."""
+    """A file with a session and hostile text is read as it was written."""
     path = tmp_path / "results.json"
     for results in (full, hostile):
         results.write(path)
@@ -119,9 +119,9 @@ def test_public_keys(full: Results) -> None:
 
 def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
     """Truncated anywhere: one sentence that begins with the file name."""
-    path, whole = tmp_path / "results.json", full.to_json().encode()
-    for length in range(0, len(whole) - 1, 97):
-        path.write_bytes(whole[:length])
+    path, complete = tmp_path / "results.json", full.to_json().encode()
+    for length in range(0, len(complete) - 1, 97):
+        path.write_bytes(complete[:length])
         with pytest.raises(ResultsError) as caught:
             Results.read(path)
         assert str(caught.value).startswith(f"{path} is ")
@@ -129,7 +129,7 @@ def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("raw", "told"),
+    ("raw", "printed"),
     [
         (b"", "incomplete or not a results.json"),
         (b"\x89MCAP\xff\x00", "not a results.json"),
@@ -145,11 +145,11 @@ def test_a_truncated_file(full: Results, tmp_path: Path) -> None:
         (b'{"schema": ' + b"9" * 5000 + b"}", "not a results.json"),
     ],
 )
-def test_invalid_files(raw: bytes, told: str) -> None:
+def test_invalid_files(raw: bytes, printed: str) -> None:
     """Each has its own reason."""
     with pytest.raises(ResultsError) as caught:
         Results.from_json(raw)
-    assert told in str(caught.value)
+    assert printed in str(caught.value)
 
 
 def test_a_damaged_file(full: Results) -> None:
@@ -225,8 +225,8 @@ def test_the_schema_rejects_invalid_values(
 
 def test_the_schema_names_every_member_of_the_model(schema: dict[str, Any]) -> None:
     """A new member of the model must be added to the schema."""
-    whole = {**schema["$defs"], "Results": schema}
-    for name, part in whole.items():
+    complete = {**schema["$defs"], "Results": schema}
+    for name, part in complete.items():
         if "properties" in part:
             members = [f.name for f in fields(getattr(model, name))]
             derived = {"schema", "message_template", "message_values"}

@@ -22,28 +22,28 @@ def test_failures_come_first_and_passes_last(full: Results) -> None:
 
 
 def test_stated_requirements_come_before_derived_ones(full: Results) -> None:
-    """Among failures: firm and stated, firm and derived, tolerant, unknown."""
+    """The order of failures is firm and stated, firm and derived, tolerant, unknown."""
     ids = ("9/9", "5.2/17", "3/18", "3/1")
     cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
-    told = most_important_first(replace(full, cases=cases))
-    assert [case.id for case in told] == ["3/1", "3/18", "5.2/17", "9/9"]
+    printed = most_important_first(replace(full, cases=cases))
+    assert [case.id for case in printed] == ["3/1", "3/18", "5.2/17", "9/9"]
 
 
 def test_findings_on_the_wire_come_before_failed_cases(full: Results) -> None:
-    """Among equals; equal messages are listed once."""
+    """Among failures of equal importance; equal messages are listed once."""
     ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
     cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
-    told = most_important_first(replace(full, cases=cases))
-    assert [case.id for case in told] == ["5.3/4.seen-1", "5.3/4.a", "5.3/4.b"]
-    alike = [replace(case, message="so") for case in told[1:]]
-    assert group_equal_cases([told[0], *alike]) == [(told[0], 0), (alike[0], 1)]
+    printed = most_important_first(replace(full, cases=cases))
+    assert [case.id for case in printed] == ["5.3/4.seen-1", "5.3/4.a", "5.3/4.b"]
+    alike = [replace(case, message="so") for case in printed[1:]]
+    assert group_equal_cases([printed[0], *alike]) == [(printed[0], 0), (alike[0], 1)]
 
 
 def test_passes_keep_the_order_of_the_document(full: Results) -> None:
     """They have equal importance."""
     cases = tuple(Case(i, (i,), Verdict.PASS) for i in ("3/18", "3/1", "9/9"))
-    told = most_important_first(replace(full, cases=cases))
-    assert [case.id for case in told] == ["3/18", "3/1", "9/9"]
+    printed = most_important_first(replace(full, cases=cases))
+    assert [case.id for case in printed] == ["3/18", "3/1", "9/9"]
 
 
 @pytest.mark.parametrize("verdict", [Conclusion.NOTHING_TESTED, Conclusion.INCONCLUSIVE])

@@ -17,7 +17,7 @@ def command(*durations_ns: int, name: str = "get_status") -> CommandSeen:
 
 
 def test_the_axis_spans_whole_decades() -> None:
-    """From the decade of the fastest to that of the slowest command."""
+    """The axis begins with the decade of the fastest command and ends with that of the slowest."""
     plot = LatencyPlot([command(30_000), command(2_000_000_000)])
     assert [tick.label for tick in plot.ticks] == [
         *("10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s", "10 s"),
@@ -41,7 +41,6 @@ def test_height_of_a_rare_duration() -> None:
 
 
 def test_commands_without_a_reply_have_no_plot() -> None:
-    """They have a row."""
     plot = LatencyPlot([CommandSeen("get_status", 1, 0, {"unanswered": 1})])
     ((silent, distributions),) = plot.rows
     assert (silent.name, distributions) == ("get_status", [])
@@ -74,7 +73,7 @@ def test_lanes_of_the_timeline(full: Results) -> None:
 
 
 def test_marks_are_within_the_axis(full: Results) -> None:
-    """Also for times before or after the session."""
+    """A time before or after the session is shown at the end of the axis."""
     assert full.session
     runs = tuple(
         RunSeen(name="a", simulated=False, begun_ns=at, duration_ms=1e12, outcome="done")

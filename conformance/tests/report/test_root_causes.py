@@ -55,7 +55,7 @@ def test_one_command_is_one_cause() -> None:
 
 
 def test_a_missing_message_belongs_to_its_command() -> None:
-    """A message that came only shows what was asked last, which need not be wrong."""
+    """A message that was received only shows the latest request, which need not be wrong."""
     wrong = failure("4.6/2", "4.6/2", 1)
     missing = failure("3/31", "3/31", 2, command="get_time", missing=True)
     came = failure("3/31", "3/31", 2, command="get_time")
@@ -73,7 +73,8 @@ def test_refused_connections_are_one_cause() -> None:
 
 
 def test_the_same_bytes_are_one_cause() -> None:
-    """A case fails on the frame that the judge has found wrong; without the judge it is chance."""
+    """A case fails on the frame that the judge found wrong; without that finding, equal bytes are
+    no evidence."""
     case = replace(failure("4/8", "4/8", 41), wire=(_REPLY, replace(_REPLY, offset_bytes=14)))
     seen = replace(failure("T/4.seen-1", "T/4", 40), wire=(_REPLY,))
     assert groups(case, seen) == [("4/8", "T/4.seen-1")]
@@ -83,7 +84,7 @@ def test_the_same_bytes_are_one_cause() -> None:
 
 
 def test_the_first_line_names_each_requirement_that_the_same_bytes_violate() -> None:
-    """One rule judges several requirements."""
+    """One rule can judge several requirements."""
     seen = [
         replace(failure(f"{r}.seen-1", r, 40), message="the length is wrong", wire=(_REPLY,))
         for r in ("3/6", "3/7")
@@ -100,7 +101,7 @@ def test_the_sides_of_a_capture_have_different_causes() -> None:
     assert groups(request, reply) == [("4.6/1", "4.6/2")]
 
 
-def test_what_a_failure_prevents_is_counted_once(full: Results) -> None:
+def test_prevented_cases_are_counted_once(full: Results) -> None:
     """Prevented cases are not listed; other inconclusive cases are."""
     stop, upload = failure("4.17/6", "4.17/6", 5), failure("5.2/2", "5.2/2", 6)
     undone = Case("4.28/2", ("4.28/2",), Verdict.INCONCLUSIVE)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 
 
 @pytest.mark.parametrize(
@@ -38,3 +38,17 @@ def test_any_text(text: str) -> None:
 def test_a_long_text_is_truncated() -> None:
     """The number of omitted characters is shown."""
     assert visible("x" * 10_003) == "x" * 10_000 + "… (+3)"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("wrong\n::error::done", "wrong⟨U+000A⟩::error::done"),
+        ("x##[stop-commands]", "x#⟨U+0023⟩[stop-commands]"),
+        ("##vso[task.complete]", "#⟨U+0023⟩vso[task.complete]"),
+        ("a ## b, #[1], C#", "a ## b, #[1], C#"),
+    ],
+)
+def test_no_command_of_a_ci_system(text: str, shown: str) -> None:
+    """The text begins no line of the output, and has none of their marks."""
+    assert visible_line(text) == shown

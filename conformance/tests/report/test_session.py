@@ -97,7 +97,7 @@ def test_a_request_without_reply() -> None:
 def test_outcome_of_a_run(
     pieces: list[bytes], outcome: str, code: str, duration_ms: float | None
 ) -> None:
-    """From the first reply to the final result, with the code."""
+    """A run lasts from the first reply to the final result, and has its code."""
     answers = [(at * MS, C2A, piece) for at, piece in enumerate(pieces, 2)]
     (run,) = session_of((1 * MS, A2C, request(0x30, b"a.rob")), *answers).runs
     assert (run.name, run.simulated, run.outcome, run.code) == ("a.rob", False, outcome, code)
@@ -149,5 +149,5 @@ def test_lists_are_bounded() -> None:
 
 
 def test_no_session_without_events() -> None:
-    """No zeros are made up."""
+    """Missing values are not shown as zeros."""
     assert SessionStats().session() is None

@@ -64,7 +64,7 @@ def test_every_clause_has_a_title() -> None:
 def test_no_unused_translations() -> None:
     """A text that no template uses is removed from the table."""
     templates = Path(words.__file__).with_name("templates").glob("*.html")
-    said = "".join(template.read_text(encoding="utf-8") for template in templates)
+    reported = "".join(template.read_text(encoding="utf-8") for template in templates)
     prefixes = ("cause_", "reason_", "hazard_", "state_", "outcome_", "ending_", "lane_", "stage_")
     kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
     computed = {member.value for kind in kinds for member in kind}
@@ -73,6 +73,6 @@ def test_no_unused_translations() -> None:
     left = [
         key
         for key in TRANSLATIONS
-        if f'"{key}"' not in said and key not in computed and not key.startswith(prefixes)
+        if f'"{key}"' not in reported and key not in computed and not key.startswith(prefixes)
     ]
     assert left == []

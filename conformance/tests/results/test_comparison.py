@@ -11,7 +11,7 @@ from scaraspec.results.comparison import Change, compare
 
 
 def test_equal(results: Results) -> None:
-    """Times and numbers of findings are no difference."""
+    """Different times and numbers of findings are no difference."""
     slower = failed("4.15/3", "the code is {code} after {time_s:.1f} s", code="07", time_s=9.5)
     again = results_of(PASSED, slower, replace(SEEN, id="3/18.seen-2"))
     assert not compare(results, results).differs
@@ -19,7 +19,7 @@ def test_equal(results: Results) -> None:
 
 
 def test_failures(results: Results, good: Results) -> None:
-    """New, gone and changed ones."""
+    """New, fixed and changed failures."""
     found = compare(results, good)
     assert ([c.id for c in found.gone], found.new) == (["4.15/3", "3/18.seen-1"], ())
     assert [c.id for c in compare(good, results).new] == ["4.15/3", "3/18.seen-1"]
@@ -32,7 +32,7 @@ def test_failures(results: Results, good: Results) -> None:
 
 
 def test_verdicts_and_coverage(results: Results) -> None:
-    """A case that does not run any more, and its requirement."""
+    """A case that no longer runs, and its requirement."""
     skipped = results_of(replace(PASSED, verdict=Verdict.NONE), FAILED, SEEN)
     found = compare(results, skipped)
     assert found.verdicts == (Change("4.8/1", "pass", "none"),)
@@ -41,7 +41,7 @@ def test_verdicts_and_coverage(results: Results) -> None:
 
 
 def test_readings_settings_and_latency(results: Results) -> None:
-    """Readings are behaviour; settings and latency are not."""
+    """Different readings are a change of behaviour; different settings and latencies are not."""
     read = {"controller": {"endian": ReadingSeen(("big",), default=False, mixed=False)}}
     found = compare(results, replace(results, readings=read))
     assert found.readings == (Change("controller.endian", "", "big"),)

@@ -1,12 +1,14 @@
 """A gate passes results that are as good as the baseline, and fails for each single change."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from results_of_run import FAILED, PASSED, SEEN, failed, results_of
 
 from scaraspec.judge.verdicts import ExitStatus, Reason, Verdict
@@ -34,7 +36,7 @@ def kinds(results: Results, *waivers: Waiver, baseline: Results | None = None) -
     return [f"{problem.kind.value} {problem.id}" for problem in found.problems]
 
 
-def test_its_own_baseline(results: Results, good: Results) -> None:
+def test_results_pass_their_own_baseline(results: Results, good: Results) -> None:
     """Results pass a gate with the baseline that was made of them."""
     assert kinds(results, baseline=results) == []
     assert kinds(good, baseline=good) == []
@@ -42,7 +44,7 @@ def test_its_own_baseline(results: Results, good: Results) -> None:
 
 
 def test_without_a_baseline_each_failure_is_new(results: Results) -> None:
-    """Nothing is accepted."""
+    """No failure is accepted."""
     assert kinds(results) == ["new-failure 4.15/3", "new-failure 3/18.seen-1"]
 
 
@@ -97,9 +99,79 @@ CHANGES: dict[str, tuple[Callable[[Results], Results], list[str]]] = {
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_each_single_change_fails(results: Results, change: str) -> None:
-    """Compared with the baseline of the unchanged results."""
+    """Each change is compared with the baseline of the unchanged results."""
     changed, expected = CHANGES[change]
     assert kinds(changed(results), baseline=results) == expected
+
+
+_VERDICTS = st.sampled_from([Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL])
+_JUDGED = ("4.8/1", "4.8/2", "4.8/2.other", "4.15/3", "5.4/5")
+_IDS = (*_JUDGED, "3/18.seen-1", "3/18.seen-2")
+_RUNS = st.builds(
+    lambda verdicts, seed: results_of(
+        *(
+            failed(name, "the code is {code}", code="07")
+            if verdict is Verdict.FAIL
+            else Case(name, (name,), verdict)
+            for name, verdict in verdicts.items()
+        ),
+        seed=seed,
+    ),
+    st.dictionaries(st.sampled_from(_IDS), _VERDICTS, min_size=1),
+    st.integers(0, 3),
+)
+
+
+def _with(results: Results, case: Case, *others: Case) -> Results:
+    """Return the results with other cases in place of one."""
+    cases = [new for each in results.cases for new in (others if each is case else (each,))]
+    return results_of(*cases, seed=results.run.seed if results.run else 0)
+
+
+def _worse(results: Results) -> Iterator[tuple[str, Results, tuple[Waiver, ...]]]:
+    """Yield the problem of each single change, with the changed results and the waivers."""
+    for case in results.cases:
+        judged = case.id in _JUDGED
+        if judged:
+            yield f"lost-case {case.id}", _with(results, case), ()
+            yield f"lost-case {case.id}", _with(results, case, replace(NOT_RUN, id=case.id)), ()
+        if case.verdict is Verdict.FAIL:
+            other = failed(case.id, "another message")
+            yield f"changed-failure {case.id}", _with(results, case, other), ()
+            other = failed(case.id, "the code is {code}", code="08")
+            yield f"changed-failure {case.id}", _with(results, case, other), ()
+            old = waiver(case=case.id, expires=TODAY - timedelta(1))
+            yield f"expired-waiver {case.id}", results, (old,)
+        else:
+            if judged:
+                other = failed(case.id, "the code is {code}", code="07")
+                yield f"new-failure {case.id}", _with(results, case, other), ()
+            yield f"stale-waiver {case.id}", results, (waiver(case=case.id),)
+    for each in results.requirements:
+        if {*each.cases} <= {*_JUDGED}:
+            left = tuple(other for other in results.requirements if other is not each)
+            yield f"lost-requirement {each.id}", replace(results, requirements=left), ()
+            undecided = tuple(
+                replace(other, verdict=Verdict.NONE) if other is each else other
+                for other in results.requirements
+            )
+            yield f"lost-requirement {each.id}", replace(results, requirements=undecided), ()
+    added = failed("9/9", "wrong")
+    yield "new-failure 9/9", _with(results, results.cases[-1], results.cases[-1], added), ()
+    yield "unknown-id 9/9", results, (waiver(case="9/9"),)
+    for settings in ({}, {"allow": "motion"}, {"allow": "state", "only": "4"}):
+        assert results.run
+        changed = replace(results, run=replace(results.run, settings=settings))
+        name = "only" if "only" in settings else "allow"
+        yield f"other-settings {name}", changed, ()
+
+
+@given(_RUNS)
+def test_each_change_of_any_results_fails(results: Results) -> None:
+    """The results pass with their own baseline. After each single change they do not."""
+    assert kinds(results, baseline=results) == []
+    for problem, changed, waivers in _worse(results):
+        assert problem in kinds(changed, *waivers, baseline=results)
 
 
 def test_what_may_change(results: Results) -> None:
@@ -115,7 +187,7 @@ def test_what_may_change(results: Results) -> None:
 
 
 def test_skipped_after_a_known_failure(results: Results) -> None:
-    """A case that did not run because its requirement had failed is not lost."""
+    """A case that did not run because its requirement had failed is not missing."""
     skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAILED_BEFORE)
     assert kinds(results_of(skipped, FAILED, SEEN), baseline=results) == []
 
@@ -128,7 +200,7 @@ def test_a_fixed_failure_is_reported(results: Results, good: Results) -> None:
 
 
 def test_waived(results: Results) -> None:
-    """By case or by fingerprint, until the last day."""
+    """A failure is accepted by case or by fingerprint, until the last day."""
     by_fingerprint = waiver(case="", fingerprint=SEEN.fingerprint)
     found = gate(results, waivers=(waiver(), by_fingerprint), today=TODAY)
     assert found.exit_status is ExitStatus.CONFORMANT
@@ -158,7 +230,7 @@ def test_flaky(good: Results) -> None:
 
 
 def test_prevented_by_an_accepted_failure(results: Results) -> None:
-    """Such a case leaves nothing open, unless the baseline has judged it."""
+    """Such a case is no problem, unless the baseline has judged it."""
     prevented = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, reason=Reason.DEPENDENCY)
     run = results_of(PASSED, FAILED, SEEN, prevented)
     known = gate(run, baseline=Baseline.of(results), today=TODAY)
@@ -171,7 +243,7 @@ def test_prevented_by_an_accepted_failure(results: Results) -> None:
 
 
 def test_fail_fast_is_incomplete() -> None:
-    """An accepted failure that ended the run says nothing about the cases after it."""
+    """Cases after an accepted failure that ended the run are missing."""
     skipped = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAIL_FAST)
     run = results_of(skipped, FAILED)
     assert gate(run, waivers=(waiver(),), today=TODAY).exit_status is ExitStatus.INCONCLUSIVE
@@ -194,7 +266,8 @@ def test_old_results() -> None:
 
 
 def test_baseline_file(results: Results, tmp_path: Path) -> None:
-    """A baseline is read as it was written; results serve as one; other files stay."""
+    """A written baseline is read unchanged; results can be used as one; other files are not
+    overwritten."""
     path, run = tmp_path / "baseline.json", tmp_path / "results.json"
     baseline = Baseline.of(results)
     baseline.write(path)
@@ -229,7 +302,7 @@ expires = 2026-11-26
 
 
 def test_waivers_file(tmp_path: Path) -> None:
-    """All keys but `flaky` are required."""
+    """All keys except `flaky` are required."""
     path = tmp_path / "waivers.toml"
     path.write_text(VALID, "utf-8")
     assert read_waivers(path) == (waiver(),)
@@ -252,10 +325,12 @@ def test_waivers_file(tmp_path: Path) -> None:
         ('case = "4.15/3"', 'fingerprint = "y"\nflaky = true', "must name its case"),
         ("expires = ", "expires =", ""),
         ("[[waiver]]", "[[waiver", "not valid TOML"),
+        ("[[waiver]]", "a = " + "9" * 5000, "not valid TOML"),
+        ("[[waiver]]", "a = " + "[" * 5000, "not valid TOML"),
     ],
 )
 def test_invalid_waivers(tmp_path: Path, old: str, new: str, problem: str) -> None:
-    """The error says what is wrong and with which waiver."""
+    """The message states the mistake and the waiver."""
     path = tmp_path / "waivers.toml"
     path.write_text(VALID.replace(old, new), "utf-8")
     if not problem:

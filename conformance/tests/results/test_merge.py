@@ -1,4 +1,4 @@
-"""Merge: the sittings of one certification."""
+"""The sittings of one certification are merged."""
 
 import json
 from dataclasses import replace
@@ -35,7 +35,7 @@ def as_(verdict: Verdict, message: str = "") -> Case:
 
 
 def test_different_cases() -> None:
-    """Each case is there once, with the date of its sitting, in any order of the files."""
+    """Each case is listed once, with the date of its sitting, in any order of the files."""
     sittings = [sitting(PASSED), sitting(FAILED, SEEN, day=1)]
     merged = merge(sittings[::-1])
     assert [(case.id, case.date) for case in merged.cases] == [
@@ -65,7 +65,7 @@ def test_different_cases() -> None:
     ],
 )
 def test_rule(first: Verdict, second: Verdict, counts: Verdict, date: str) -> None:
-    """A failure counts, then a verdict, then the latest; both are listed."""
+    """A failure decides, then a verdict, then the latest result; both are listed."""
     (case,) = merge([sitting(as_(first)), sitting(as_(second), day=1)]).cases
     assert (case.verdict, case.date) == (counts, date)
     assert [(each.date, each.verdict) for each in case.sittings] == [
@@ -75,7 +75,7 @@ def test_rule(first: Verdict, second: Verdict, counts: Verdict, date: str) -> No
 
 
 def test_conflicts_are_named() -> None:
-    """A failure that another sitting did not find has a notice; so has what was decided."""
+    """A failure that another sitting did not find has a notice, and so has the decision."""
     other = replace(FAILED, verdict=Verdict.INCONCLUSIVE)
     merged = merge(
         [
@@ -91,7 +91,7 @@ def test_conflicts_are_named() -> None:
 
 
 def test_a_case_that_did_not_run() -> None:
-    """It is no result beside one of a sitting in which the case ran."""
+    """The result of a sitting in which the case ran has priority."""
     (case,) = merge([sitting(as_(Verdict.PASS)), sitting(as_(Verdict.NONE), day=1)]).cases
     assert (case.verdict, case.sittings) == (Verdict.PASS, ())
     (case,) = merge([sitting(as_(Verdict.NONE)), sitting(as_(Verdict.NONE), day=1)]).cases
@@ -131,8 +131,8 @@ def test_readings_and_undecided() -> None:
     assert merged.undecided == {"3/31": 2}
 
 
-def test_an_interruption_that_was_made_up_for() -> None:
-    """An interrupted sitting is no problem once all of its cases have run."""
+def test_an_interruption_completed_by_another_sitting() -> None:
+    """An interrupted sitting is no problem if other sittings ran all of its cases."""
     interrupted = replace(
         as_(Verdict.INCONCLUSIVE), id="run.interrupted", requirements=(), reason=Reason.INTERRUPTED
     )
@@ -150,7 +150,7 @@ def test_an_interruption_that_was_made_up_for() -> None:
 
 
 def test_the_coverage_of_a_sitting_does_not_count() -> None:
-    """What one sitting did not judge, another may have judged."""
+    """Another sitting may judge what one sitting did not."""
     coverage = replace(as_(Verdict.INCONCLUSIVE), id="run.coverage", requirements=())
     merged = merge([sitting(coverage), sitting(PASSED, day=1)])
     assert merged.verdict is Conclusion.CONFORMANT
@@ -172,7 +172,7 @@ def test_refusals() -> None:
     first, second = sitting(PASSED), sitting(PASSED, day=1)
     assert second.run
     subject = second.subject
-    for other, says in (
+    for other, expected_text in (
         (replace(second, subject=replace(subject, version="1.5")), "version was 1.4 and is 1.5"),
         (replace(second, subject=replace(subject, name="Cell 8")), "was Cell 7 and is Cell 8"),
         (replace(second, subject=replace(subject, claims={"lacks": "jog"})), "lacks was not given"),
@@ -183,7 +183,7 @@ def test_refusals() -> None:
         (replace(second, run=None), "schema 1"),
         (first, "the same sitting"),
     ):
-        with pytest.raises(MergeError, match=says):
+        with pytest.raises(MergeError, match=expected_text):
             merge([first, other])
     unnamed = [replace(r, subject=replace(subject, name="", link=r"a")) for r in (first, second)]
     assert merge(unnamed)
@@ -196,7 +196,7 @@ def test_refusals() -> None:
 
 
 def test_the_file_has_the_dates() -> None:
-    """Programs find date and sittings in results.json."""
+    """results.json contains the date of each case and the list of sittings."""
     merged = merge([sitting(as_(Verdict.FAIL)), sitting(as_(Verdict.PASS), day=1)])
     (case,) = json.loads(merged.to_json())["cases"]
     assert case["date"] == FIRST

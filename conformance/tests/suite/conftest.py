@@ -10,10 +10,12 @@ from scaraspec.mutants.controller_run import Robot, certified, hooks_of
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case, Results
+from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.core import ControllerCore
 
+_SIZES, _FILES = "5.2/16", "5.2/12"
 _NOT_PASSED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
 
@@ -55,16 +57,19 @@ class CaseResults(dict[str, Case]):
         return [f"{c.id}: {c.message}" for c in self.values() if c.verdict in verdicts]
 
 
-def _run_cases(
+def _run_cases(  # noqa: PLR0913 - each may differ
     core: type[ControllerCore],
     *only: str,
     actual: Dialect | None = None,
     allowed: Collection[Hazard] = ALL,
     examples: int = 3,
     hooks: Collection[str] = (),
+    fail_fast: bool = False,
     **claims: Any,
 ) -> CaseResults:
     """Run the cases of these requirements.
+
+    The cases with large files, which take as long as a hundred others, run only with 5.2/16.
 
     Args:
         core: The controller.
@@ -73,11 +78,24 @@ def _run_cases(
         allowed: The allowed hazards.
         examples: The number of examples to draw.
         hooks: The available hooks.
+        fail_fast: Whether the run ends with the first case that fails.
         claims: Other fields of the ICS.
     """
     robot = Robot(core, actual or claims.get("dialect", DEFAULT))
     handlers = {name: hook for name, hook in hooks_of(robot).items() if name in hooks}
-    options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
+    requirements, cases = frozenset(only), frozenset[str]()
+    if _FILES in requirements and _SIZES not in requirements:
+        requirements -= {_FILES}
+        chosen = collect(Options(frozenset({_FILES})))
+        cases = frozenset(case.id for case in chosen if _SIZES not in case.requirements)
+    options = Options(
+        requirements,
+        frozenset(allowed),
+        cases=cases,
+        undefined=True,
+        examples=examples,
+        fail_fast=fail_fast,
+    )
     return CaseResults(certified(robot, Ics(hooks=handlers, **claims), options))
 
 

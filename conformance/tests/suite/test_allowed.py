@@ -45,12 +45,11 @@ class RecordsCommands(ControllerCore):
 @pytest.mark.parametrize(
     "allowed",
     [
-        {Hazard.READ_ONLY},
-        ALL - {Hazard.STATE},
-        ALL - {Hazard.MOTION},
-        ALL - {Hazard.DESTRUCTIVE},
+        pytest.param({Hazard.READ_ONLY}, id="nothing"),
+        pytest.param(ALL - {Hazard.STATE}, id="no-state"),
+        pytest.param(ALL - {Hazard.MOTION}, id="no-motion", marks=pytest.mark.runs),
+        pytest.param(ALL - {Hazard.DESTRUCTIVE}, id="nothing-destructive", marks=pytest.mark.runs),
     ],
-    ids=["nothing", "no-state", "no-motion", "nothing-destructive"],
 )
 def test_only_allowed_commands_are_sent(allowed: frozenset[Hazard]) -> None:
     """The exceptions are logins and the deletion of the suite's own files."""

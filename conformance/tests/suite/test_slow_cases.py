@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 @pytest.mark.parametrize("undefined", [False, True])
 @pytest.mark.parametrize("hazard_count", range(1, len(Hazard) + 1))
-def test_no_requirement_is_lost(hazard_count: int, *, undefined: bool) -> None:
+def test_every_requirement_is_still_judged(hazard_count: int, *, undefined: bool) -> None:
     """For each set of allowed hazards, other cases judge the requirements of the slow cases."""
     options = Options(allowed=frozenset(list(Hazard)[:hazard_count]), undefined=undefined)
     cases = [case for case in collect(options) if not skip_reason(case, options, Ics())]

@@ -1,6 +1,9 @@
 """A small certification on the simulated clock, and packages of it."""
 
+import json
 import shutil
+import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +26,9 @@ from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
 from scaraspec_recorder.sinks.sink import OutputFolder
+
+Verify = Callable[..., tuple[int, str]]
+"""Runs the command, and returns its exit status and output."""
 
 STATUS = "4.8/2"
 CASES = ("2/11.wrong-login", "4.1/2", STATUS, "4/3.fault")
@@ -97,10 +103,28 @@ def certified(
 
 
 def packed(folder: Path, results: Results, capture: Path, mandatory: MandatoryList) -> Path:
-    """Write a package of these results, with all that follows from them, into a new folder."""
+    """Write a package of these results and all files that belong to it into a new folder."""
     folder.mkdir()
     results.write(folder / "results.json")
     shutil.copy(capture, folder)
     path = folder / "forged.scaraspec.zip"
     write_package(certification_of(path, mandatory), folder, ICS)
     return path
+
+
+def rezipped(package: Path, path: Path, **changes: bytes | None) -> Path:
+    """Write a package with other files; None leaves one out. ``__`` in a name is a dot."""
+    texts = {name.replace("__", "."): data for name, data in changes.items()}
+    with zipfile.ZipFile(package) as source, zipfile.ZipFile(path, "w") as target:
+        files: dict[str, bytes | None] = {name: source.read(name) for name in source.namelist()}
+        for name, data in {**files, **texts}.items():
+            if data is not None:
+                target.writestr(name, data)
+    return path
+
+
+def plain_in(package: Path, name: str) -> dict[str, object]:
+    """Return the object in a JSON file of a package."""
+    with zipfile.ZipFile(package) as archive:
+        plain: dict[str, object] = json.loads(archive.read(name))
+    return plain

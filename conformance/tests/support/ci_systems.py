@@ -24,14 +24,10 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 class Job:
     """A job in its folder.
 
-    Attributes:
-        folder: The working directory, such as a clone of the repository.
-        port: It replaces the default port 8877, which another process may use.
-        variables: Environment variables that all steps have.
-        status: The exit status of the first step that failed, or 0.
-        log: What the steps have printed.
-        kept: The paths of the artifacts.
-        outputs: The outputs of the steps, on GitHub.
+    Attributes: folder: The working directory, such as a clone of the repository. port: It replaces
+    the default port 8877, which another process may use. variables: Environment variables of all
+    steps. status: The exit status of the first step that failed, or 0. log: The output of the
+    steps. kept: The paths of the artifacts. outputs: The outputs of the steps, on GitHub.
     """
 
     folder: Path
@@ -129,7 +125,7 @@ class Job:
 
 
 def free_port() -> int:
-    """Return a free port below those that the system gives to connections of other tests."""
+    """Return a free port below the range that the system uses for connections."""
     for port in range(20000 + os.getpid() % 10000, 32768):
         with suppress(OSError), socket.create_server(("127.0.0.1", port)):
             return port

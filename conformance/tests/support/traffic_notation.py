@@ -1,8 +1,8 @@
-"""A playbook: sessions as lines of text, what a judge makes of them, and other ways to cut them.
+"""The traffic notation: sessions as lines of text, and fixtures that judge them.
 
-One line is one thing that happens, a millisecond after the one before it. The first query of a
-state after a reply or a result of a two-stage command comes later, so that the state is not old
-(A-4.8-3), unless a line with seconds is between them::
+Each line is one event, a millisecond after the previous one. The first query of a state after a
+reply or a final result of a two-stage command comes later, so that the state is current (A-4.8-3),
+unless a line with seconds is between them::
 
     login                       a login that succeeds
     > run_program a.rob         the client sends; a text of data follows, with \\xNN for bytes
@@ -170,7 +170,7 @@ class Record:
 
     @property
     def robot(self) -> RobotState:
-        """What is known of the only controller."""
+        """The state of the only controller."""
         (robot,) = self.judge.robots.values()
         return robot
 
@@ -186,12 +186,12 @@ class Record:
 
     @property
     def unsolicited(self) -> list[UnsolicitedReply]:
-        """What answered nothing."""
+        """The unsolicited frames."""
         return [h for h in self.happenings if isinstance(h, UnsolicitedReply)]
 
     @property
     def undecodable(self) -> list[InvalidBytes]:
-        """Bytes that are no frame."""
+        """Bytes that belong to no frame."""
         return [h for h in self.happenings if isinstance(h, InvalidBytes)]
 
     def exchange(self, name: str) -> Exchange:
@@ -210,8 +210,8 @@ class Record:
         return {f.requirement for f in self.findings if f.verdict is Verdict.FAIL}
 
     @property
-    def told(self) -> list[tuple[Any, ...]]:
-        """All happenings and findings, but for their times."""
+    def printed(self) -> list[tuple[Any, ...]]:
+        """All events and findings, without their times."""
         return [
             *(_untimed(what) for what in self.happenings),
             *((f.requirement, f.verdict, f.observed, f.reading) for f in self.findings),
@@ -300,36 +300,44 @@ def _recut(events: Iterable[WireEvent], size_bytes: Callable[[], int]) -> Iterat
             at += len(piece)
 
 
+def wire_events(session: str) -> list[WireEvent]:
+    """Return the wire events of the lines of a session."""
+    return _Script().run(session)
+
+
 @pytest.fixture(scope="session")
 def script() -> Callable[[str], list[WireEvent]]:
-    """Makes wire events of the lines of a session."""
-    return lambda text: _Script().run(text)
+    """Convert the lines of a session to wire events."""
+    return wire_events
 
 
 @pytest.fixture(scope="session")
 def judged() -> Callable[..., Record]:
-    """Judges a session, as lines or as events."""
+    """Judge a session, given as lines or as events."""
     return _judged
 
 
 @pytest.fixture(scope="session")
 def check_case() -> Callable[[str, str, str], None]:
-    """Compares the judgement of a session with what is expected for one requirement.
+    """Compare the judgement of a session with what is expected for one requirement.
 
-    Expected is a verdict; after "tolerated" the reading, after another verdict what else fails:
-    a violation of a clause often violates a general requirement, too.
+    Expected is a verdict, followed by the reading after "tolerated", and by the other requirements
+    that fail after another verdict: a violation of a clause often violates a general requirement,
+    too.
     """
 
     def check(requirement: str, expected: str, session: str) -> None:
         verdict, _, more = expected.partition(" ")
         record = _judged(session)
-        told = "\n".join(f"{f.requirement} {f.verdict.value}: {f.message}" for f in record.findings)
-        assert record.verdict(requirement) is Verdict(verdict), told
+        printed = "\n".join(
+            f"{f.requirement} {f.verdict.value}: {f.message}" for f in record.findings
+        )
+        assert record.verdict(requirement) is Verdict(verdict), printed
         also = set() if verdict == "tolerated" else set(more.split())
-        assert record.failed == also | ({requirement} if verdict == "fail" else set()), told
+        assert record.failed == also | ({requirement} if verdict == "fail" else set()), printed
         findings = [f for f in record.findings if f.requirement == requirement]
         if verdict == "tolerated":
-            assert {f.reading for f in findings} == {tuple(more.split("=", 1))}, told
+            assert {f.reading for f in findings} == {tuple(more.split("=", 1))}, printed
         for finding in findings:
             assert finding.message
             assert finding.evidence
@@ -339,5 +347,5 @@ def check_case() -> Callable[[str, str, str], None]:
 
 @pytest.fixture(scope="session")
 def recut() -> Callable[[Iterable[WireEvent], Callable[[], int]], Iterator[WireEvent]]:
-    """Cuts the bytes of events into pieces of the sizes that a function gives."""
+    """Cut the bytes of events into pieces of the sizes that a function gives."""
     return _recut

@@ -1,4 +1,4 @@
-"""What happened on a connection: exchanges, however they are asked, answered, torn or flooded."""
+"""Exchanges on a connection: requests, replies, gaps, floods."""
 
 import gc
 import tracemalloc
@@ -28,11 +28,11 @@ def endings(record: Any) -> list[tuple[str, Ending]]:
     return [(x.name, x.ending) for x in record.exchanges if x.name != "login"]
 
 
-# Which reply is whose
+# Which reply belongs to which request
 
 
 def test_an_exchange_has_its_frames_and_times(judged: Judged) -> None:
-    """Request, reply, result; latency to the reply's first byte, duration to the result's."""
+    """Latency is until the first byte of the reply, duration until that of the final result."""
     record = judged("login\n> reset\n+0.5\n< reset 1\n+2\n<90 reset 00|12")
     x = record.exchange("reset")
     assert (x.request_value, x.reply_value) == (None, Acceptance(accepted=True))
@@ -53,15 +53,15 @@ def test_the_same_request_twice_is_answered_in_order(judged: Judged) -> None:
     assert (first.same_opcode_pending, second.same_opcode_pending) == (False, True)
 
 
-def test_mixed_requests_are_told_by_their_opcodes(judged: Judged) -> None:
-    """In any order; the one that was overtaken knows."""
+def test_mixed_requests_are_matched_by_opcode(judged: Judged) -> None:
+    """Replies may come in any order; the overtaken exchange is marked."""
     record = judged(f"login\n> get_status\n> get_time\n< get_time {TIME}\n< get_status 00")
     assert [x.name for x in record.exchanges] == ["login", "get_time", "get_status"]
     assert [x.overtaken for x in record.exchanges] == [False, False, True]
 
 
-def test_silence_then_a_late_reply(judged: Judged) -> None:
-    """A late reply is still the reply, as long as nothing later was answered."""
+def test_a_late_reply_after_silence(judged: Judged) -> None:
+    """A late reply belongs to the request if no later request was answered."""
     x = judged("login\n> get_status\n+8\n< get_status 00").exchange("get_status")
     assert x.ending is ANSWERED
     assert not x.overdue
@@ -76,8 +76,8 @@ def test_a_repeated_request_and_two_late_replies(judged: Judged) -> None:
     assert not record.unsolicited
 
 
-def test_a_reply_to_what_was_given_up_is_late(judged: Judged) -> None:
-    """It is unasked, but explained, once for each request that was given up."""
+def test_a_reply_to_an_abandoned_request_is_late(judged: Judged) -> None:
+    """A reply to an abandoned request is late, not unsolicited, once for each such request."""
     record = judged(
         "login\n> get_time\n> get_status\n< get_status 00\n+11\n> get_status\n< get_status 00\n"
         f"< get_time {TIME}\n< get_time {TIME}"
@@ -86,8 +86,8 @@ def test_a_reply_to_what_was_given_up_is_late(judged: Judged) -> None:
     assert [unsolicited.late for unsolicited in record.unsolicited] == [True, False]
 
 
-def test_the_reply_time_may_be_claimed(judged: Judged) -> None:
-    """A subject that claims 20 seconds is not overdue after ten."""
+def test_the_reply_time_can_be_claimed(judged: Judged) -> None:
+    """With a claimed reply time of 20 s a reply after 10 s is not overdue."""
     session = f"login\n> get_time\n> get_status\n< get_status 00\n+9\n< get_time {TIME}"
     assert judged(session).failed == {"3/31"}
     assert not judged(session, Dialect.of(reply_timeout="20")).failed
@@ -97,7 +97,7 @@ def test_the_reply_time_may_be_claimed(judged: Judged) -> None:
     ("timeout", "pause_s", "failed"), [("8", 7, set()), ("8", 9, {"3/31"}), ("1", 4, set())]
 )
 def test_the_limit_of_a_chunk(judged: Judged, timeout: str, pause_s: int, failed: set[str]) -> None:
-    """It is the claimed transfer timeout, but never less than the reply time of five seconds."""
+    """The limit is the claimed transfer timeout, but at least the reply time of five seconds."""
     chunk = "> chunk 0/300\n> get_status\n< get_status 00\n"
     session = f"login\n> upload_name a\n< upload_name 1\n{chunk}+{pause_s}\n< upload_chunk 1"
     assert judged(session, Dialect.of(xfer_timeout=timeout)).failed == failed
@@ -105,14 +105,15 @@ def test_the_limit_of_a_chunk(judged: Judged, timeout: str, pause_s: int, failed
 
 @pytest.mark.parametrize("opcode", ["0D", "13"])
 def test_both_opcodes_of_the_default_program(judged: Judged, opcode: str) -> None:
-    """0x0D or 0x13 in the request, either in the reply: one command."""
+    """Request and reply may have 0x0D or 0x13: it is one command."""
     for reply in ("0D", "13"):
         x = judged(f"login\n> {opcode}\n< {reply} a.rob").exchange("get_default_program")
         assert x.reply_value == b"a.rob"
 
 
 def test_silence_to_0x0d_then_0x13(judged: Judged) -> None:
-    """The fallback is answered, the first request is not; that is a reading, no failure."""
+    """The request with the other opcode is answered, the first one is not: a reading, no
+    failure."""
     record = judged("login\n> 0D\n+6\n> 13\n< 13 a.rob\n+11\n> get_status\n< get_status 00")
     first, second = (x for x in record.exchanges if x.name == "get_default_program")
     assert (first.request.frame.opcode, second.request.frame.opcode) == (0x13, 0x0D)
@@ -129,8 +130,8 @@ def test_temperatures_under_0x0e_while_a_default_is_set(judged: Judged) -> None:
         assert record.exchange("set_default_program").reply_value is True
 
 
-def test_a_reply_of_another_opcode_belongs_to_nobody(judged: Judged) -> None:
-    """What waits keeps waiting, and knows that a stray frame came."""
+def test_a_reply_with_another_opcode_is_stray(judged: Judged) -> None:
+    """The waiting request keeps waiting, and the stray frame is noted in it."""
     record = judged(f"login\n> get_status\n< get_time {TIME}\n< get_status 00")
     (unsolicited,) = record.unsolicited
     assert [x.name for x in unsolicited.waiting] == ["get_status"]
@@ -138,7 +139,7 @@ def test_a_reply_of_another_opcode_belongs_to_nobody(judged: Judged) -> None:
 
 
 def test_an_undefined_opcode_is_an_exchange_without_a_command(judged: Judged) -> None:
-    """It is named by its opcode, and answered by the same one."""
+    """The exchange is named by its opcode and answered by the same opcode."""
     record = judged("login\n> 3E 1\n< 3E 0\n> 77")
     answered, unanswered = record.exchange("0x3E"), record.exchange("0x77")
     assert answered.command is None
@@ -147,7 +148,7 @@ def test_an_undefined_opcode_is_an_exchange_without_a_command(judged: Judged) ->
 
 
 def test_a_malformed_reply_takes_the_place_of_the_reply(judged: Judged) -> None:
-    """Its request is answered, and what comes next is not mistaken for it."""
+    """The malformed frame answers its request, and the next reply is not mistaken for it."""
     record = judged("login\n> get_status\n< = CC 09 03 30 30 AA\n> get_status\n< get_status 00")
     first, second = (x for x in record.exchanges if x.name == "get_status")
     assert first.malformed is record.undecodable[0]
@@ -157,7 +158,7 @@ def test_a_malformed_reply_takes_the_place_of_the_reply(judged: Judged) -> None:
 
 
 def test_a_malformed_final_result_ends_the_command(judged: Judged) -> None:
-    """Nothing executes any longer."""
+    """After it no command executes."""
     record = judged(
         "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> reset\n< reset 1"
     )
@@ -166,7 +167,7 @@ def test_a_malformed_final_result_ends_the_command(judged: Judged) -> None:
 
 
 def test_a_malformed_request_explains_its_answer(judged: Judged) -> None:
-    """A lenient controller answers it; that frame is late, not unsolicited."""
+    """A tolerant controller answers a malformed request; that reply is late, not unsolicited."""
     record = judged("login\n> = AA 09 00 30 CC\n< get_status 00")
     assert [unsolicited.late for unsolicited in record.unsolicited] == [True]
 
@@ -175,7 +176,7 @@ def test_a_malformed_request_explains_its_answer(judged: Judged) -> None:
 
 
 def test_pushed_parts_are_one_exchange(judged: Judged) -> None:
-    """It ends with the part that says so."""
+    """The exchange ends with the part that says that no more follow."""
     record = judged("login\n> list_programs\n< list_programs 1|a\n+1\n< list_programs 0|b")
     x = record.exchange("list_programs")
     assert [part.value.names for part in x.parts] == [(b"a",), (b"b",)]
@@ -184,7 +185,7 @@ def test_pushed_parts_are_one_exchange(judged: Judged) -> None:
 
 
 def test_fetched_parts_add_up(judged: Judged) -> None:
-    """Each request has its own reply, and the last one holds the list."""
+    """Each request has its own reply, and the last exchange has the whole list."""
     record = judged(
         "login\n> list_programs\n< list_programs 1|a\n> list_programs\n< list_programs 0|b"
     )
@@ -194,8 +195,8 @@ def test_fetched_parts_add_up(judged: Judged) -> None:
     assert (first.ending, last.ending) == (ANSWERED, ANSWERED)
 
 
-def test_a_list_asked_for_again_may_come_twice(judged: Judged) -> None:
-    """Whether its next part was fetched or on its way, nothing of it is unsolicited."""
+def test_a_list_requested_again_may_come_twice(judged: Judged) -> None:
+    """The next part may be pushed or fetched: none of the parts is unsolicited."""
     record = judged(
         "login\n> list_programs\n< list_programs 1|a\n> list_programs\n"
         "< list_programs 0|b\n< list_programs 0|a|b"
@@ -204,7 +205,7 @@ def test_a_list_asked_for_again_may_come_twice(judged: Judged) -> None:
 
 
 def test_a_list_without_its_end_is_cut_off(judged: Judged) -> None:
-    """The part that was promised never came."""
+    """The announced next part is missing."""
     record = judged("login\n> list_programs\n< list_programs 1|a\n> close")
     assert record.exchange("list_programs").ending is Ending.CUT_OFF
 
@@ -213,7 +214,7 @@ def test_a_list_without_its_end_is_cut_off(judged: Judged) -> None:
 
 
 def test_a_result_in_the_segment_of_the_first_reply(judged: Judged, script: Callable) -> None:
-    """Two frames in one piece are two frames."""
+    """Two frames in one segment are two frames."""
     events = script("login\n> reset\n< reset 1\n<90 reset 11")
     *head, reply, result = events
     joined = WireEvent(
@@ -224,14 +225,14 @@ def test_a_result_in_the_segment_of_the_first_reply(judged: Judged, script: Call
     assert x.duration_ns == 0
 
 
-def test_a_result_before_the_first_reply_is_unasked(judged: Judged) -> None:
-    """It ends nothing; what comes as the first reply then begins something."""
+def test_a_result_before_the_first_reply_is_unsolicited(judged: Judged) -> None:
+    """It ends no command; the first reply after it starts the command."""
     record = judged("login\n> reset\n<90 reset 11\n< reset 1")
     assert [u.seen.frame.tagged for u in record.unsolicited] == [True]
     assert record.exchange("reset").ending is Ending.CUT_OFF
 
 
-def test_a_second_result_is_unasked(judged: Judged) -> None:
+def test_a_second_result_is_unsolicited(judged: Judged) -> None:
     """It comes after the exchange that it repeats."""
     record = judged("login\n> reset\n< reset 1\n<90 reset 11\n<90 reset 11")
     (unsolicited,) = record.unsolicited
@@ -253,7 +254,8 @@ JOG_AND_STOP = "login\n> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n"
 def test_a_stopped_command_ends_in_three_ways(
     judged: Judged, order: str, ending: Ending, *, after_stop: bool
 ) -> None:
-    """First, after the stop's own result, or never: none is a failure (A-4.17-4)."""
+    """Its final result may come first, after that of the stop, or never: none is a failure
+    (A-4.17-4)."""
     record = judged(JOG_AND_STOP + order)
     x = record.exchange("jog")
     assert x.interrupted_by.name == "emergency_stop"
@@ -264,7 +266,7 @@ def test_a_stopped_command_ends_in_three_ways(
 
 
 def test_a_stopped_command_may_end_late(judged: Judged) -> None:
-    """Its result is assigned even after the next command was accepted."""
+    """Its final result is assigned even after the next command was accepted."""
     record = judged(
         JOG_AND_STOP + "<90 emergency_stop 11\n> reset\n< reset 1\n<90 jog 11\n<90 reset 11"
     )
@@ -272,8 +274,8 @@ def test_a_stopped_command_may_end_late(judged: Judged) -> None:
     assert not record.failed
 
 
-def test_a_stop_stops_what_others_asked_for(judged: Judged) -> None:
-    """The connections share one robot."""
+def test_a_stop_ends_commands_of_other_clients(judged: Judged) -> None:
+    """A stop also ends commands of other connections: they share one robot."""
     record = judged(
         "login\n2> login password\n2< login 1\n> jog 1\n< jog 1\n2> emergency_stop\n"
         "2< emergency_stop 1\n2<90 emergency_stop 11\n<90 jog 11"
@@ -281,8 +283,9 @@ def test_a_stop_stops_what_others_asked_for(judged: Judged) -> None:
     assert record.exchange("jog").interrupted_by.name == "emergency_stop"
 
 
-def test_what_executes_is_known_to_every_exchange(judged: Judged) -> None:
-    """From acceptance to result; on all connections; and uncertain where it changes in between."""
+def test_each_exchange_knows_the_executing_command(judged: Judged) -> None:
+    """A command executes from acceptance to final result, for all connections; uncertain if that
+    changes during an exchange."""
     record = judged(
         "login\n2> login password\n2< login 1\n> get_version\n> reset\n< get_version 1.0.0\n"
         "< reset 1\n2> get_status\n2< get_status 03\n> get_time\n<90 reset 11\n"
@@ -296,7 +299,7 @@ def test_what_executes_is_known_to_every_exchange(judged: Judged) -> None:
 
 
 def test_overlapping_commands_have_their_own_results(judged: Judged) -> None:
-    """A controller that accepts two at once is judged for that, not for the results."""
+    """Each of two commands that overlap gets its own final result."""
     record = judged(
         "login\n> reset\n< reset 1\n> lock_joints\n< lock_joints 1\n<90 reset 11\n"
         "<90 lock_joints 11"
@@ -309,16 +312,17 @@ def test_overlapping_commands_have_their_own_results(judged: Judged) -> None:
 
 
 @pytest.mark.parametrize("line", ["> close", "< close", "> rst", "< rst"])
-def test_the_end_of_the_link_cuts_off(judged: Judged, line: str) -> None:
-    """Who waits and what executes; neither has failed."""
+def test_the_end_of_the_link_cuts_off_exchanges(judged: Judged, line: str) -> None:
+    """Waiting requests and executing commands are cut off; neither has failed."""
     record = judged(f"login\n> reset\n< reset 1\n> get_status\n{line}")
     assert {ending for _, ending in endings(record)} <= {Ending.CUT_OFF, Ending.HUNG_UP}
     assert not record.failed
     assert not record.robot.executing
 
 
-def test_who_hangs_up_is_known(judged: Judged) -> None:
-    """A controller that ends the link instead of answering has hung up, a client has not."""
+def test_the_side_that_disconnects_is_known(judged: Judged) -> None:
+    """An exchange is marked if the controller disconnects instead of answering, not if the client
+    does."""
     assert endings(judged("login\n> get_status\n< half-close\n> close")) == [
         ("get_status", Ending.HUNG_UP)
     ]
@@ -328,8 +332,8 @@ def test_who_hangs_up_is_known(judged: Judged) -> None:
 
 
 @pytest.mark.parametrize("line", ["> close", "> rst", ""])
-def test_a_connection_opened_again_is_a_fresh_one(judged: Judged, line: str) -> None:
-    """Under its old name, with or without its end: no login, nothing open, offsets from 0."""
+def test_a_connection_opened_again_is_a_new_one(judged: Judged, line: str) -> None:
+    """A connection with an old name starts again: no login, nothing open, offsets from 0."""
     record = judged(f"login\n> reset\n< reset 1\n> = AA 09\n{line}\n> open\n> get_status\n")
     x = record.exchange("get_status")
     assert x.logged_in is False
@@ -339,14 +343,14 @@ def test_a_connection_opened_again_is_a_fresh_one(judged: Judged, line: str) -> 
 
 
 def test_a_serial_link_needs_no_login(judged: Judged) -> None:
-    """It serves from the beginning (L83)."""
+    """A serial link serves requests from the beginning (L83)."""
     session = "> get_status\n< get_status 00"
     assert judged(session, needs_login=False).exchange("get_status").logged_in is True
     assert judged(session).exchange("get_status").logged_in is False
 
 
-def test_a_login_lasts_until_it_is_in_doubt(judged: Judged) -> None:
-    """A refused one after it may have logged out (A-4.1-2)."""
+def test_a_login_lasts_until_it_is_uncertain(judged: Judged) -> None:
+    """A refused login after it may have logged the client out (A-4.1-2)."""
     logged_in = [
         x.logged_in
         for x in judged("> login a\n< login 1\n> login b\n< login 0\n> get_status").exchanges
@@ -354,8 +358,8 @@ def test_a_login_lasts_until_it_is_in_doubt(judged: Judged) -> None:
     assert logged_in == [False, True, None]
 
 
-def test_a_refused_login_is_remembered_as_long_as_it_is_sure(judged: Judged) -> None:
-    """Until one succeeds, or a gap may hide that it did."""
+def test_a_refused_login_is_kept_while_certain(judged: Judged) -> None:
+    """Until a login succeeds, or a gap may hide a successful one."""
     refused = "> login a\n< login 0\n{}> get_status"
     reply = {
         between: judged(refused.format(between)).exchange("get_status").refused_login is not None
@@ -368,7 +372,7 @@ def test_a_refused_login_is_remembered_as_long_as_it_is_sure(judged: Judged) -> 
 
 
 def test_a_gap_hides_replies_of_its_direction(judged: Judged) -> None:
-    """A reply that may be in it is unseen; one of the other side's bytes can still come."""
+    """A reply may be in a gap of its own direction, not in one of the other direction."""
     record = judged("login\n> get_status\n< gap 6\n> get_time")
     assert endings(record)[0] == ("get_status", Ending.UNSEEN)
     record = judged("login\n> get_status\n> gap 4\n< get_status 00")
@@ -376,19 +380,19 @@ def test_a_gap_hides_replies_of_its_direction(judged: Judged) -> None:
     assert not record.exchange("get_status").certain
 
 
-def test_a_gap_is_told_with_what_it_tore(judged: Judged) -> None:
-    """Bytes that it may have torn are no fault, and are searched for nothing."""
+def test_a_gap_includes_incomplete_bytes_beside_it(judged: Judged) -> None:
+    """Bytes that the gap may have damaged are not invalid, and are not searched for frames."""
     record = judged("login\n> = AA 52 D4 AA 09 00 CC\n> gap 5\n> get_status")
-    torn, lost = (h for h in record.happenings if isinstance(h, InvalidBytes | CaptureGap))
-    assert isinstance(torn, InvalidBytes)
-    assert torn.touches_gap
+    truncated, lost = (h for h in record.happenings if isinstance(h, InvalidBytes | CaptureGap))
+    assert isinstance(truncated, InvalidBytes)
+    assert truncated.touches_gap
     assert isinstance(lost, CaptureGap)
     assert not record.failed
     assert [x.name for x in record.exchanges] == ["login", "get_status"]
 
 
-def test_frames_are_certain_again_once_the_other_side_speaks(judged: Judged) -> None:
-    """Where nothing is left over just then, the stream is in step."""
+def test_frames_are_certain_again_after_a_frame_of_the_other_side(judged: Judged) -> None:
+    """If no bytes are left over at that moment, the framer is in step again."""
     record = judged("login\n> gap 1\n> get_status\n> get_time\n< get_status 00\n> get_version")
     frames = [x.request for x in record.exchanges]
     assert {f.name: f.certain for f in frames} == {
@@ -399,16 +403,16 @@ def test_frames_are_certain_again_once_the_other_side_speaks(judged: Judged) -> 
     }
 
 
-def test_exchanges_are_certain_again_after_one_asked_later(judged: Judged) -> None:
-    """Later than the reply time: whatever the gap hid has been answered by then."""
+def test_exchanges_are_certain_again_after_a_later_one(judged: Judged) -> None:
+    """A reply to a request after the reply time shows that all earlier ones are over."""
     asked = "> get_status\n< get_status 00\n"
     record = judged(f"login\n> gap 1\n{asked}+6\n{asked}{asked}")
     certain = [x.certain for x in record.exchanges if x.name == "get_status"]
     assert certain == [False, False, True]
 
 
-def test_a_gap_on_one_connection_concerns_the_others(judged: Judged) -> None:
-    """It may hide what changed the robot, until it ends and its requests are answered."""
+def test_a_gap_makes_other_connections_uncertain(judged: Judged) -> None:
+    """A gap may hide a change of the robot, until it ends and its requests are answered."""
     hidden = "login\n2> login password\n2< login 1\n2> gap 40\n{}> get_status\n< get_status 00\n"
     certain = {
         between: judged(hidden.format(between)).exchange("get_status").certain
@@ -423,7 +427,7 @@ def test_a_gap_on_one_connection_concerns_the_others(judged: Judged) -> None:
     }
     assert certain == {
         "": False,
-        "+6\n": False,  # it may still go on
+        "+6\n": False,  # the gap may still go on
         "2> get_time\n": False,
         "2> get_time\n+6\n": True,
         "2> close\n": False,
@@ -432,7 +436,8 @@ def test_a_gap_on_one_connection_concerns_the_others(judged: Judged) -> None:
 
 
 def test_a_gap_may_hide_a_stop(judged: Judged) -> None:
-    """What executes on another connection may have been stopped: its status proves nothing."""
+    """A stop in the gap may have ended the command of another connection: a status proves
+    nothing."""
     record = judged(
         "login\n2> login password\n2< login 1\n> jog 1\n< jog 1\n2> gap 4\n2> get_time\n+6\n"
         "> get_status\n< get_status 00\n> get_status\n< get_status 02\n<90 jog 11"
@@ -441,7 +446,7 @@ def test_a_gap_may_hide_a_stop(judged: Judged) -> None:
 
 
 def test_results_of_hidden_commands_may_come_much_later(judged: Judged) -> None:
-    """Until the robot is seen idle."""
+    """Such a final result may come until the robot is seen idle."""
     asked = "> get_status\n< get_status {}\n"
     busy = asked.format("01")
     late = f"login\n< gap 5\n{busy}+6\n{busy}{busy}{{}}<90 run_program 11"
@@ -450,10 +455,8 @@ def test_results_of_hidden_commands_may_come_much_later(judged: Judged) -> None:
     assert judged(late.format(idle)).verdict("3/16") is Verdict.FAIL
 
 
-def test_an_observer_who_begins_midway_knows_nothing_before(
-    judged: Judged, script: Callable
-) -> None:
-    """Bytes with an offset and no opening: neither login nor name can be missed."""
+def test_a_capture_that_starts_in_the_middle(judged: Judged, script: Callable) -> None:
+    """An offset without an opening: login and name of the file may have come before."""
     events = script("login\n> upload_name a\n< upload_name 1\n> chunk 0/300\n< upload_chunk 1")
     record = judged(events[-2:])
     assert record.exchange("upload_chunk").logged_in is None
@@ -461,8 +464,8 @@ def test_an_observer_who_begins_midway_knows_nothing_before(
     assert [x.request.place.offset_bytes for x in record.exchanges] == [events[-2].offset_bytes]
 
 
-def test_a_fault_injected_on_purpose_fails_nobody(judged: Judged) -> None:
-    """What was dropped or changed on its way is the doing of neither side."""
+def test_injected_faults_cause_no_failures(judged: Judged) -> None:
+    """Data that was dropped or changed on purpose is the fault of neither side."""
     dropped = "login\n> get_time\n{}> get_status\n< get_status 00\n+11\n> get_status"
     assert judged(dropped.format("")).failed == {"3/31"}
     record = judged(dropped.format("> injected\n"))
@@ -474,7 +477,7 @@ def test_a_fault_injected_on_purpose_fails_nobody(judged: Judged) -> None:
 
 
 def flood(data: bytes, direction: Direction, times: int) -> Iterator[WireEvent]:
-    """The same bytes again and again."""
+    """Return the same bytes many times."""
     yield WireEvent(0, "1", A2C, Kind.OPENED)
     for i in range(times):
         yield WireEvent(i, "1", direction, Kind.BYTES, data, i * len(data))
@@ -492,8 +495,8 @@ FLOODS = {
 
 
 @pytest.mark.parametrize(("direction", "data", "times"), FLOODS.values(), ids=FLOODS)
-def test_floods_take_no_memory(direction: Direction, data: bytes, times: int) -> None:
-    """What one side sends without end is handed out and forgotten."""
+def test_floods_need_limited_memory(direction: Direction, data: bytes, times: int) -> None:
+    """Bytes that one side sends without end are yielded and not kept."""
     held = []
     for share in (1, 2):
         dialogue = Dialogue("1", RobotState())
@@ -509,7 +512,7 @@ def test_floods_take_no_memory(direction: Direction, data: bytes, times: int) ->
 
 
 def exchanges_without_end(request: bytes, reply: bytes, times: int) -> Iterator[WireEvent]:
-    """A controller that accepts, and never comes to an end."""
+    """A controller that accepts commands and never finishes them."""
     yield WireEvent(0, "1", A2C, Kind.OPENED)
     for i in range(times):
         yield WireEvent(2 * i, "1", A2C, Kind.BYTES, request, i * len(request))
@@ -517,8 +520,8 @@ def exchanges_without_end(request: bytes, reply: bytes, times: int) -> Iterator[
 
 
 @pytest.mark.parametrize("opcode", [0x30, 0x32, 0x3D, 0x50])
-def test_what_never_ends_takes_no_memory(opcode: int) -> None:
-    """Programs, stops and jogs without results, uploads without content."""
+def test_endless_commands_need_limited_memory(opcode: int) -> None:
+    """Programs, stops and jogs without results, and uploads without content."""
     request = Frame(A2C, opcode, b"" if opcode == 0x32 else b"1").encode()
     held = []
     for times in (150, 300):
@@ -527,7 +530,7 @@ def test_what_never_ends_takes_no_memory(opcode: int) -> None:
         for event in exchanges_without_end(request, Frame(C2A, opcode, b"1").encode(), times):
             for traffic_event in dialogue.feed(event):
                 if isinstance(traffic_event, Exchange):
-                    kept[traffic_event.name] = traffic_event  # as the scene does
+                    kept[traffic_event.name] = traffic_event  # as RobotState does
         gc.collect()
         held.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.stop()
@@ -540,15 +543,16 @@ PART = "< list_programs 1|a\n"
 @pytest.mark.parametrize(
     "parts", ["> list_programs\n" + PART * 300, f"> list_programs\n{PART}" * 300]
 )
-def test_lists_without_end_take_no_memory(judged: Judged, parts: str) -> None:
-    """Pushed or fetched: the last parts are kept, and nothing is judged of the whole."""
+def test_endless_lists_need_limited_memory(judged: Judged, parts: str) -> None:
+    """Pushed or fetched: the last parts are kept, and the whole list is not judged."""
     record = judged("login\n" + parts)
     assert max(len(x.parts) for x in record.exchanges) == 256
     assert not record.exchanges[-1].certain
 
 
-def test_connections_without_end_take_no_memory(judged: Judged) -> None:
-    """The one that was silent for longest is given up; it goes on as one begun midway."""
+def test_many_connections_need_limited_memory(judged: Judged) -> None:
+    """The connection that was silent longest is forgotten; later bytes of it count as seen from the
+    middle."""
     opened = [WireEvent(i, str(i), A2C, Kind.OPENED) for i in range(5000)]
     back = WireEvent(9000, "7", A2C, Kind.BYTES, Frame(A2C, 0x09).encode(), 24)
     record = judged([*opened, back])
@@ -579,7 +583,7 @@ def test_connections_without_end_take_no_memory(judged: Judged) -> None:
     ],
 )
 def test_no_finding_shows_a_password(judged: Judged, session: str) -> None:
-    """Whatever is wrong with what bears it, and with its answer."""
+    """Whatever is wrong with a message that has a password, or with its reply."""
     secret = "Tr0ub4d&"
     record = judged(session.replace("{hex}", secret.encode().hex()).replace("{}", secret))
     for finding in record.findings:
@@ -590,7 +594,7 @@ def test_no_finding_shows_a_password(judged: Judged, session: str) -> None:
 
 
 def test_a_late_reply_to_another_connection_is_no_final_result(judged: Judged) -> None:
-    """It is called what it is: of a query there is no final result."""
+    """A query has no final result, so that the frame is unsolicited."""
     record = judged("login\n2> login password\n2< login 1\n> get_version\n2< get_version 1.0.0")
-    said = {f.message for f in record.findings if f.requirement == "3/16"}
-    assert said == {"a reply to get_version came on a connection that did not request it"}
+    reported = {f.message for f in record.findings if f.requirement == "3/16"}
+    assert reported == {"a reply to get_version came on a connection that did not request it"}

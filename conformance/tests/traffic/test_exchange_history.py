@@ -1,4 +1,4 @@
-"""Memory keeps what was surely said, in bounds, and tells since when the robot is idle."""
+"""The history: limited memory, certain exchanges only, and since when the robot is idle."""
 
 from collections.abc import Callable
 
@@ -12,12 +12,12 @@ MOVE = "> reset\n< reset 1\n<90 reset 11\n"
 
 @pytest.fixture
 def memory_of(judged: Callable) -> Callable[[str], ExchangeHistory]:
-    """What is remembered behind a session."""
+    """Return the history after a session."""
     return lambda session: judged("login\n" + session).robot.history
 
 
 def test_exchanges_are_found_by_time(judged: Callable) -> None:
-    """The last one before a time, and those between two."""
+    """The last exchange before a time, and those between two times."""
     record = judged("login\n" + STATUS.format("00") * 3)
     history = record.robot.history
     first, second, third = (x for x in record.exchanges if x.name == "get_status")
@@ -29,7 +29,7 @@ def test_exchanges_are_found_by_time(judged: Callable) -> None:
 
 
 def test_memory_is_bounded(memory_of: Callable[[str], ExchangeHistory]) -> None:
-    """However long a recording is."""
+    """Memory has a limit for any length of a recording."""
     logins = "".join(f"> login {i}\n< login 1\n" for i in range(9))
     history = memory_of(
         STATUS.format("00") * (KEPT_EXCHANGES + 9) + MOVE * (KEPT_EXCHANGES + 9) + logins
@@ -40,14 +40,15 @@ def test_memory_is_bounded(memory_of: Callable[[str], ExchangeHistory]) -> None:
 
 
 def test_no_file_is_kept(memory_of: Callable[[str], ExchangeHistory]) -> None:
-    """Exchanges of transfers hold their content; the scene keeps files, in bounds of its own."""
+    """Exchanges of transfers are kept without content; RobotState keeps files, with its own
+    limit."""
     history = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
     assert set(history.recent) == {"login"}
     assert set(history.last_requests) == {"login", "upload_name", "upload_chunk"}
 
 
-def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:
-    """Nothing that was said before it is sure behind it."""
+def test_a_gap_empties_the_history(memory_of: Callable[[str], ExchangeHistory]) -> None:
+    """What was known before a gap is uncertain after it."""
     history = memory_of(
         STATUS.format("00") + MOVE + "> delete_program a\n< delete_program 1\n> gap 5"
     )
@@ -69,7 +70,7 @@ def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:
         (MOVE, 6),
         (STATUS.format("00") + MOVE, 8),
         (STATUS.format("00") + "> reset\n< reset 1", None),
-        # Released by the link's end, it may go on all the same.
+        # The end of the link releases the command, but it may continue.
         (MOVE + "> jog 1\n< jog 1\n> close", None),
         ("> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n<90 emergency_stop 11", 8),
     ],
@@ -77,15 +78,15 @@ def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:
 def test_idleness(
     session: str, since_ms: int | None, memory_of: Callable[[str], ExchangeHistory]
 ) -> None:
-    """Known by a result or a status 00, and no longer by anything else."""
+    """Only a final result or a status 00 shows that the robot is idle."""
     since_ns = memory_of(session).idle_since_ns
     assert since_ns == (None if since_ms is None else since_ms * 1_000_000)
 
 
-def test_a_deletion_holds_until_the_name_comes_back(
+def test_a_deletion_holds_until_the_next_upload(
     memory_of: Callable[[str], ExchangeHistory],
 ) -> None:
-    """Even where the upload is not known to have succeeded."""
+    """Even if it is unknown whether the upload succeeded."""
     deletion = "> delete_program a\n< delete_program 1\n"
     assert set(memory_of(deletion).deleted) == {b"a"}
     assert not memory_of(deletion + "> upload_name a").deleted
@@ -93,7 +94,7 @@ def test_a_deletion_holds_until_the_name_comes_back(
 
 
 def test_a_new_password_replaces_the_old(memory_of: Callable[[str], ExchangeHistory]) -> None:
-    """What was accepted before is right no longer."""
+    """The earlier password is not right any longer."""
     assert memory_of("").passwords == {b"password"}
     assert memory_of("> set_password password|new\n< set_password 1").passwords == {b"new"}
     assert memory_of("> set_password password|new\n< set_password 0").passwords == {b"password"}

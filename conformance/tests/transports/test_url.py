@@ -40,6 +40,13 @@ def test_parse_and_format(url: str, address: Tcp | Serial | Rfcomm) -> None:
         assert parse(str(address)) == address
 
 
+def test_login_and_end_of_a_connection() -> None:
+    """Only TCP needs a login; only a serial line does not show the end of a connection."""
+    links = (Tcp("robot"), Rfcomm("AA:BB:CC:DD:EE:FF"), Serial("COM3"))
+    assert [link.needs_login for link in links] == [True, False, False]
+    assert [link.detects_close for link in links] == [True, True, False]
+
+
 @pytest.mark.parametrize(
     ("url", "message"),
     [

@@ -9,5 +9,5 @@ from scaraspec.virtual_controller.plant import Plant
 
 @pytest.fixture
 def plant() -> Plant:
-    """A robot just switched on, whose clock shows the document's own example (L172)."""
+    """A robot at power-on, whose clock shows the example of the document (L172)."""
     return Plant(datetime(2014, 12, 22, 14, 30), now_s=0.0)  # noqa: DTZ001 - the document names no zone

@@ -26,7 +26,7 @@ Run = Callable[..., tuple[object, str, str]]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Starts the command on a free port, and kills what a test leaves."""
+    """Starts the command on a free port, and kills remaining processes."""
     with contextlib.ExitStack() as stack:
 
         def start(*options: str) -> subprocess.Popen[str]:
@@ -46,7 +46,7 @@ def start() -> Iterator[Start]:
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs the command in this process; its exit status, what it says and what it complains of."""
+    """Run the command in this process; return exit status, output and error output."""
 
     def run(*options: str) -> tuple[object, str, str]:
         monkeypatch.setattr(sys, "argv", ["scaraspec", "controller", *options])
@@ -67,9 +67,9 @@ def _line(process: subprocess.Popen[str]) -> str:
 
 
 def _connect(process: subprocess.Popen[str]) -> Link:
-    told = _line(process)
-    assert told.startswith("listening on tcp://127.0.0.1:")
-    return connect(told.removeprefix("listening on "), _SOON_S)
+    printed = _line(process)
+    assert printed.startswith("listening on tcp://127.0.0.1:")
+    return connect(printed.removeprefix("listening on "), _SOON_S)
 
 
 def _ask(link: Link, request: bytes) -> bytes:
@@ -80,7 +80,7 @@ def _ask(link: Link, request: bytes) -> bytes:
     return arrival.content
 
 
-def _say(process: subprocess.Popen[str], line: str) -> str:
+def _send_line(process: subprocess.Popen[str], line: str) -> str:
     assert process.stdin is not None
     process.stdin.write(f"{line}\n")
     process.stdin.flush()
@@ -96,13 +96,14 @@ def _stop(process: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_address_and_clean_end(start: Start, tmp_path: Path, number: int) -> None:
-    """Port 0 becomes the real port in output and ready file; a signal ends the process with 0."""
+    """Port 0 is replaced by the real port in output and ready file; a signal ends the process with
+    status 0."""
     ready = tmp_path / "where"
     ready.write_text("from before")
     process = start("--ready-file", str(ready))
-    told = _line(process)
+    printed = _line(process)
     host_port = ready.read_text().strip()
-    assert told == f"listening on tcp://{host_port}"
+    assert printed == f"listening on tcp://{host_port}"
     assert list(tmp_path.iterdir()) == [ready]
     link = connect(f"tcp://{host_port}")
     assert _ask(link, b"\xaa\x01\x08password\xcc") == b"\xcc\x01\x011\xaa"
@@ -124,7 +125,7 @@ def test_shutdown_ends_the_process(start: Start) -> None:
 
 
 def test_password_readings_and_programs(start: Start, tmp_path: Path) -> None:
-    """Clients observe the values of the options."""
+    """Clients can observe the values of the options."""
     (tmp_path / "p.rob").write_bytes(build(Program()))
     options = ["--password", "geheim", "--programs", str(tmp_path), "--time-scale", "10"]
     process = start(*options, "--reading", "op_get_default=0x13", "--reading", "list_prefix_sep=0a")
@@ -192,11 +193,11 @@ def test_control_commands_on_stdin(start: Start) -> None:
     process = start("--control")
     link = _connect(process)
     _ask(link, b"\xaa\x01\x08password\xcc")
-    assert _say(process, "motor-fault inner_arm,wrist") == "ok: status 15"
+    assert _send_line(process, "motor-fault inner_arm,wrist") == "ok: status 15"
     assert _ask(link, b"\xaa\x09\x00\xcc") == b"\xcc\x09\x0215\xaa"
-    assert _say(process, "analog 2 4.75") == "ok: analog input 2 is 4.75"
+    assert _send_line(process, "analog 2 4.75") == "ok: analog input 2 is 4.75"
     assert _ask(link, b"\xaa\x44\x0202\xcc") == b"\xcc\x44\x061|4.75\xaa"
-    assert _say(process, "boom").startswith("error: there is no command 'boom'")
+    assert _send_line(process, "boom").startswith("error: there is no command 'boom'")
     assert process.stdin is not None
     process.stdin.close()
     assert _ask(link, b"\xaa\x09\x00\xcc") == b"\xcc\x09\x0215\xaa"
@@ -206,7 +207,7 @@ def test_control_commands_on_stdin(start: Start) -> None:
 
 
 def test_control_lines_may_come_from_a_file(tmp_path: Path) -> None:
-    """A plain file cannot be polled like a pipe, and is also read."""
+    """A regular file cannot be polled like a pipe, but is read, too."""
     script = tmp_path / "script"
     script.write_text("input 1 1\nmotor-fault wrist\n")
     with script.open() as lines:
@@ -214,10 +215,10 @@ def test_control_lines_may_come_from_a_file(tmp_path: Path) -> None:
         process = subprocess.Popen(command, stdin=lines, stdout=subprocess.PIPE, text=True)
     with process:
         assert process.stdout is not None
-        told = [process.stdout.readline() for _ in range(3)]
+        printed = [process.stdout.readline() for _ in range(3)]
         process.terminate()
         assert process.wait(_SOON_S) == 0
-    assert told[1:] == ["ok: digital input 1 is 1\n", "ok: status 14\n"]
+    assert printed[1:] == ["ok: digital input 1 is 1\n", "ok: status 14\n"]
 
 
 @pytest.mark.parametrize("scheme", ["", "serial://"])
@@ -234,7 +235,7 @@ def test_a_serial_device_is_served(start: Start, scheme: str) -> None:
 
 
 def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
-    """Exit status 2, and what to do."""
+    """Exit status 2, and a remedy in the message."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         status, _, errors = run("--listen", f"127.0.0.1:{port}")
@@ -246,7 +247,7 @@ def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "reported"),
     [
         (["--listen", "8877:x"], "'x' is not a valid port"),
         (["--listen", "::1:0"], "write an IPv6 address as [::1:0]:8877"),
@@ -264,21 +265,21 @@ def test_a_port_in_use_is_an_error_of_one_sentence(run: Run) -> None:
     ],
 )
 def test_invalid_options_are_an_error_of_one_sentence(
-    run: Run, options: list[str], said: str
+    run: Run, options: list[str], reported: str
 ) -> None:
     """Exit status 2, no traceback."""
     listen = [] if "--listen" in options else ["--listen", "127.0.0.1:0"]
     status, _, errors = run(*listen, *options)
     assert status == 2
-    assert said in errors
+    assert reported in errors
     assert errors.startswith("scaraspec: ")
     assert errors.count("\n") == 1
 
 
 def test_help_fits_a_screen_and_ends_with_an_example(run: Run) -> None:
     """24 lines of 80 characters."""
-    status, told, _ = run("--help")
-    lines = told.splitlines()
+    status, printed, _ = run("--help")
+    lines = printed.splitlines()
     assert status == 0
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80

@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.plant import Plant
         ("angle-fault", "06"),
     ],
 )
-def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None:
+def test_faults_are_injected_and_cleared(plant: Plant, line: str, code: str) -> None:
     """Each fault code of table 8-1 can be injected."""
     assert execute(line, plant, 1.0) == f"status {code}"
     assert plant.fault_code == code
@@ -28,7 +28,7 @@ def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None
 
 @pytest.mark.parametrize("line", ["motor-fault wrist lasting", "angle-fault lasting"])
 def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str) -> None:
-    """`clear_faults` is what a reset does."""
+    """A reset calls `clear_faults`, which keeps a fault whose cause lasts."""
     execute(line, plant, 0.0)
     plant.clear_faults()
     assert plant.fault_code is not None
@@ -38,8 +38,8 @@ def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str
     assert plant.fault_code is None
 
 
-def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
-    """Ports by their numbers, from 1."""
+def test_disk_and_inputs_are_set(plant: Plant) -> None:
+    """Ports are numbered from 1."""
     assert execute("disk-full on", plant, 0.0) == "the disk is full"
     assert plant.disk_full
     assert execute("disk-full off", plant, 0.0) == "the disk has room"
@@ -53,17 +53,17 @@ def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
 
 
 def test_help_names_every_command(plant: Plant) -> None:
-    """What help lists is what there is; an empty line says nothing."""
+    """Help lists exactly the existing commands; an empty line prints nothing."""
     assert execute("help", plant, 0.0) == HELP
     for row in HELP.splitlines():
-        with pytest.raises(ConsoleCommandError) as told:
+        with pytest.raises(ConsoleCommandError) as printed:
             execute(f"{row.split()[0]} one two three", plant, 0.0)
-        assert "there is no command" not in str(told.value)
+        assert "there is no command" not in str(printed.value)
     assert execute("  ", plant, 0.0) == ""
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "reported"),
     [
         ("explode", "there is no command 'explode': the commands are motor-fault,"),
         ("motor-fault", "takes joints separated by commas: inner_arm,"),
@@ -82,12 +82,12 @@ def test_help_names_every_command(plant: Plant) -> None:
         ("analog 0 1", "there is no analog input 0"),
     ],
 )
-def test_invalid_line_raises_an_error(plant: Plant, line: str, said: str) -> None:
-    """The message says what is wrong and what is valid."""
-    with pytest.raises(ConsoleCommandError) as told:
+def test_invalid_line_raises_an_error(plant: Plant, line: str, reported: str) -> None:
+    """The message states the mistake and the valid forms."""
+    with pytest.raises(ConsoleCommandError) as printed:
         execute(line, plant, 0.0)
-    assert said in str(told.value)
-    assert "\n" not in str(told.value)
+    assert reported in str(printed.value)
+    assert "\n" not in str(printed.value)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -100,7 +100,7 @@ def test_invalid_line_raises_an_error(plant: Plant, line: str, said: str) -> Non
 def test_any_line_is_executed_or_raises_an_error(plant: Plant, line: str) -> None:
     """No input raises another exception."""
     try:
-        told = execute(line, plant, 0.0)
+        printed = execute(line, plant, 0.0)
     except ConsoleCommandError as error:
-        told = str(error)
-    assert len(told) < 250 or told == HELP
+        printed = str(error)
+    assert len(printed) < 250 or printed == HELP

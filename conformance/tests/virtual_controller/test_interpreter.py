@@ -1,4 +1,4 @@
-"""The interpreter: effect and time of every node, under every relevant reading."""
+"""The interpreter: effect and duration of every node, with every relevant reading."""
 
 import math
 from collections.abc import Iterable
@@ -135,7 +135,7 @@ def start(
 
 
 def finish(run: Run, until_s: float = 1e4) -> float:
-    """Advance a run from event to event until nothing is due by `until_s`; return the last one."""
+    """Advance a run from event to event, up to `until_s`; return the time of the last event."""
     now_s = 0.0
     while run.next_event_s <= until_s:
         now_s = run.next_event_s
@@ -155,15 +155,15 @@ C = inverse(Pose(250, -150, 220, 0), near=UPPER)
 
 
 def test_an_empty_program_succeeds_at_once(plant: Plant) -> None:
-    """No node, no time."""
+    """An empty program takes no time."""
     assert start(plant).advance(0.0) == DONE
 
 
 # ---------------------------------------------------------------------- motion
 
 
-def test_a_bare_point_is_moved_to_joint_by_joint(plant: Plant) -> None:
-    """Outside any move: point to point at the default speed (A-6.5-7)."""
+def test_motion_to_a_point_outside_a_move(plant: Plant) -> None:
+    """Outside a move node the arm moves point to point at the default speed (A-6.5-7)."""
     run = start(plant, point(A))
     ends_s = finish(run)
     assert run.outcome == DONE
@@ -203,7 +203,7 @@ def test_other_nodes_within_a_straight_move_are_executed(plant: Plant) -> None:
 
 
 def test_a_curve_is_one_smooth_motion(plant: Plant) -> None:
-    """Through all its points without a stop, then the nodes after them (L942)."""
+    """Through all its points without a stop, then the following nodes are executed (L942)."""
     run = start(plant, *curve_to(A, B, C, speed=50), ttl(3))
     ends_s = finish(run)
     motion = curve(HOME_JOINTS, [A, B, C], 50)
@@ -214,8 +214,8 @@ def test_a_curve_is_one_smooth_motion(plant: Plant) -> None:
 
 
 @pytest.mark.parametrize("meaning", ["joints", "pose"])
-def test_the_four_numbers_of_a_point_are_read_both_ways(plant: Plant, meaning: str) -> None:
-    """Joint values by default, x, y, z and thetaX in the other reading (6.5/27, A-6.5-2)."""
+def test_both_readings_of_a_point(plant: Plant, meaning: str) -> None:
+    """Joint values by default; x, y, z and thetaX in the other reading (6.5/27, A-6.5-2)."""
     dialect = Dialect.of(point_meaning=meaning)
     values = A if meaning == "joints" else forward(A)
     for nodes in ([point(values)], straight_to(values)):
@@ -252,8 +252,8 @@ def test_a_point_out_of_reach_fails_the_run(
 
 
 @pytest.mark.parametrize("duration_s", [0, 1, 255])
-def test_a_wait_delays_by_its_seconds(plant: Plant, duration_s: int) -> None:
-    """Not less, and next to nothing more (6.5/20)."""
+def test_duration_of_a_wait(plant: Plant, duration_s: int) -> None:
+    """The wait is not shorter, and at most one node time longer (6.5/20)."""
     run = start(plant, pause(duration_s), ttl(1))
     finish(run, until_s=duration_s - 1e-6)
     assert outputs(plant) == set()
@@ -261,7 +261,7 @@ def test_a_wait_delays_by_its_seconds(plant: Plant, duration_s: int) -> None:
     assert outputs(plant) == {1}
 
 
-HOLDS = {  # by condition, for an input less than, equal to and greater than the value
+HOLDS = {  # by condition: for an input less than, equal to and greater than the value
     Condition.GREATER: (False, False, True),
     Condition.LESS: (True, False, False),
     Condition.EQUAL: (False, True, False),
@@ -281,7 +281,7 @@ HOLDS = {  # by condition, for an input less than, equal to and greater than the
 def test_a_wait_for_an_analog_input_compares_hundredths(
     plant: Plant, condition: Condition, value: float, *, passes: bool
 ) -> None:
-    """input condition value, in the order of L932: 4 not greater, 5 not less (6.5/9, 6.5/21)."""
+    """Input, condition, value, in the order of L932: 4 is <=, 5 is >= (6.5/9, 6.5/21)."""
     plant.analog_inputs[2] = value
     run = start(plant, wait_input(2, 250, condition), ports=ANALOG_PORT_2)
     finish(run)
@@ -293,10 +293,10 @@ def test_a_wait_for_an_analog_input_compares_hundredths(
     ("scale", "value", "passes"),
     [("all", 1, True), ("all", 100, True), ("analog", 1, True), ("analog", 100, False)],
 )
-def test_a_wait_for_a_digital_input_reads_the_value_both_ways(
+def test_both_readings_of_a_wait_for_a_digital_input(
     plant: Plant, scale: str, value: int, *, passes: bool
 ) -> None:
-    """A digital 1 is 100 and also 1 in one reading, only 1 in the other (A-6.5-10)."""
+    """An input that is on equals 100 and 1 in one reading, only 1 in the other (A-6.5-10)."""
     plant.digital_inputs[7] = True
     run = start(plant, wait_input(7, value), dialect=Dialect.of(wait_scale=scale))
     finish(run)
@@ -319,7 +319,7 @@ def test_a_wait_for_an_input_ends_when_it_changes(plant: Plant) -> None:
     assert plant.joints(100.0) == pytest.approx(A, abs=1e-4)
 
 
-def test_a_timer_holds_until_its_instant(plant: Plant) -> None:
+def test_a_timer_waits_for_its_time(plant: Plant) -> None:
     """Seconds and microseconds since 1970 on the robot's own clock (6.5/22)."""
     run = start(plant, timer(EPOCH_S + 10, 500_000))
     run.advance(0.0)
@@ -328,8 +328,8 @@ def test_a_timer_holds_until_its_instant(plant: Plant) -> None:
     assert run.outcome == DONE
 
 
-def test_a_past_instant_holds_nothing(plant: Plant) -> None:
-    """A duration mistaken for an instant is one in 1970 (A-6.5-13)."""
+def test_a_timer_with_a_past_time_does_not_wait(plant: Plant) -> None:
+    """A duration in place of a time of day is a time in 1970 (A-6.5-13)."""
     run = start(plant, timer(5))
     assert finish(run) == pytest.approx(NODE_TIME_S)
     assert run.outcome == DONE
@@ -337,7 +337,7 @@ def test_a_past_instant_holds_nothing(plant: Plant) -> None:
 
 @pytest.mark.parametrize(("shift_s", "expected_s"), [(-5, 15), (4, 6), (60, 3)])
 def test_setting_the_clock_moves_a_timer(plant: Plant, shift_s: int, expected_s: float) -> None:
-    """The instant is one of the clock, which 0x06 may set during a run (A-4.5-2)."""
+    """The timer follows the robot's clock, which 0x06 may set during a run (A-4.5-2)."""
     run = start(plant, timer(EPOCH_S + 10))
     run.advance(3.0)
     time = datetime.fromtimestamp(EPOCH_S + 3 + shift_s, tz=UTC).replace(tzinfo=None)
@@ -351,7 +351,7 @@ def test_setting_the_clock_moves_a_timer(plant: Plant, shift_s: int, expected_s:
 
 
 def test_outputs_are_set_when_they_are_reached(plant: Plant) -> None:
-    """TTL and PWM; ports keep what they were set to (6.5/19)."""
+    """Digital and PWM outputs keep their values (6.5/19)."""
     pwm = Node(b"", NodeType.SET_OUTPUT, data=SetOutput(PWM, 2, 75, 1000))
     run = start(plant, ttl(16), ttl(1), ttl(1, 0), pwm, pause(1), ttl(5))
     finish(run, until_s=0.5)
@@ -383,8 +383,8 @@ def test_an_unknown_port_fails_the_run(plant: Plant, node: Node, *, simulated: b
 # ---------------------------------------------------------------------- loops and branches
 
 
-def test_a_loop_repeats_until_the_run_is_broken_off(plant: Plant) -> None:
-    """Endless in the default reading, and what follows it is never executed (A-6.5-5)."""
+def test_a_loop_repeats_until_the_run_is_interrupted(plant: Plant) -> None:
+    """Endless in the default reading; the nodes after it are never executed (A-6.5-5)."""
     count = compute(ResultType.CALCULATION, 1, variable(1), Opt.ADD, number(1))
     run = start(plant, *loop(count, pause(1)), ttl(1), variables={1: 0})
     finish(run, until_s=100)
@@ -395,7 +395,7 @@ def test_a_loop_repeats_until_the_run_is_broken_off(plant: Plant) -> None:
 
 @pytest.mark.parametrize("times", [0, 1, 3])
 def test_a_loop_may_count_its_iterations(plant: Plant, times: int) -> None:
-    """In the other reading the count is the number of iterations, also of a loop within."""
+    """In the other reading the count is the number of iterations, also for an inner loop."""
     count = compute(ResultType.CALCULATION, 1, variable(1), Opt.ADD, number(1))
     inner = loop(count, counts=2)
     dialect = Dialect.of(loop_iter="counts")
@@ -406,7 +406,7 @@ def test_a_loop_may_count_its_iterations(plant: Plant, times: int) -> None:
     assert outputs(plant) == {1}
 
 
-COMPARED = {  # by operator, for A less than, equal to and greater than B
+COMPARED = {  # by operator: for A less than, equal to and greater than B
     Opt.GREATER: (False, False, True),
     Opt.LESS: (True, False, False),
     Opt.EQUAL: (False, True, False),
@@ -427,7 +427,7 @@ COMPARED = {  # by operator, for A less than, equal to and greater than B
 def test_exactly_one_branch_is_executed(
     plant: Plant, opt: Opt, a: int, *, holds: bool, with_else: bool
 ) -> None:
-    """Operators 5 to 9 in the order of L982-986: 8 at least, 9 at most (6.5/24, 6.6a/12)."""
+    """Operators 5 to 9 in the order of L982-986: 8 is >=, 9 is <= (6.5/24, 6.6a/12)."""
     nodes = branch(compare(number(a), opt, number(-7)), [ttl(1)], [ttl(2)] if with_else else None)
     run = start(plant, *nodes, ttl(3))
     finish(run)
@@ -442,14 +442,14 @@ def test_exactly_one_branch_is_executed(
 def test_the_result_of_a_comparison_may_invert_it(
     plant: Plant, reading: str, result: int, taken: int
 ) -> None:
-    """Only in the reading in which it names the expected outcome (A-6.6a-1)."""
+    """Only in the reading in which the result is the expected outcome (A-6.6a-1)."""
     nodes = branch(compare(number(1), Opt.EQUAL, number(1), result), [ttl(1)], [ttl(2)])
     finish(start(plant, *nodes, dialect=Dialect.of(cmp_result=reading)))
     assert outputs(plant) == {taken}
 
 
 def test_loops_and_branches_nest(plant: Plant) -> None:
-    """A loop in a branch in a loop, left by nothing but its own ends."""
+    """A loop in a branch in a loop: each ends only at its own end node."""
     count = compute(ResultType.CALCULATION, 1, variable(1), Opt.ADD, number(1))
     few = compare(variable(1), Opt.LESS, number(2))
     inner = branch(few, loop(count, ttl(1), counts=2), [ttl(2), ttl(1, 0)])
@@ -515,10 +515,10 @@ def test_a_division_by_zero_fails_the_run(plant: Plant, *, simulated: bool) -> N
         ("expression", Opt.ADD, (ValueType.NONE, 0), 6),
     ],
 )
-def test_an_assignment_may_hold_an_expression(
+def test_an_assignment_may_contain_an_expression(
     plant: Plant, reading: str, opt: int, b: tuple[int, int], result: int
 ) -> None:
-    """Value A alone, or A opt B if there is a B and the reading heeds it (A-6.6a-2)."""
+    """Value A alone, or A opt B if B is present and the reading uses it (A-6.6a-2)."""
     node = compute(ResultType.ASSIGNMENT, 1, number(6), opt, b)
     run = start(plant, node, variables={1: 0}, dialect=Dialect.of(assign_opt=reading))
     finish(run)
@@ -526,7 +526,7 @@ def test_an_assignment_may_hold_an_expression(
 
 
 def test_values_come_from_numbers_variables_and_inputs(plant: Plant) -> None:
-    """Analog inputs count in hundredths, digital ones 0 or 1 (6.6a/14, A-6.6a-5)."""
+    """Analog inputs count in hundredths; digital inputs are 0 or 1 (6.6a/14, A-6.6a-5)."""
     plant.digital_inputs[1] = True
     plant.analog_inputs[2] = -1.25
     run = start(
@@ -555,11 +555,11 @@ def test_a_run_starts_with_the_variables_of_the_file(plant: Plant) -> None:
         assert run._variables[1] == 6
 
 
-# ---------------------------------------------------------------------- the whole run
+# ---------------------------------------------------------------------- complete runs
 
 
-def test_a_simulated_run_takes_its_time_and_touches_nothing(plant: Plant) -> None:
-    """No motion, no outputs, the time of the real run (A-4.16-1)."""
+def test_a_simulated_run_has_the_real_duration_and_no_effect(plant: Plant) -> None:
+    """No motion and no outputs, but the duration of the real run (A-4.16-1)."""
     pwm = Node(b"", NodeType.SET_OUTPUT, data=SetOutput(PWM, 2, 75, 1000))
     nodes = [
         *straight_to(A, B),
@@ -579,7 +579,7 @@ def test_a_simulated_run_takes_its_time_and_touches_nothing(plant: Plant) -> Non
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_fault_of_the_plant_fails_the_run(plant: Plant, *, simulated: bool) -> None:
-    """With its own code, at the next advance (L328)."""
+    """The run fails with the code of the fault, at the next call (L328)."""
     run = start(plant, pause(10), ttl(1), simulated=simulated)
     run.advance(1.0)
     plant.fail("12", 2.0)
@@ -589,7 +589,7 @@ def test_a_fault_of_the_plant_fails_the_run(plant: Plant, *, simulated: bool) ->
 
 
 def test_a_busy_loop_takes_time_and_never_hangs(plant: Plant) -> None:
-    """A node takes a millisecond at least, and one call executes a bounded number of them."""
+    """A node takes at least a millisecond, and one call executes a limited number of nodes."""
     count = compute(ResultType.CALCULATION, 1, variable(1), Opt.ADD, number(1))
     run = start(plant, *loop(count), variables={1: 0})
     run.advance(1e6)
@@ -620,7 +620,8 @@ def test_a_program_with_errors_is_not_runnable(nodes: list[Node]) -> None:
 
 
 def test_a_number_of_iterations_may_exceed_the_nodes() -> None:
-    """A loop that counts 200 is too long a body, but no too large number of times (A-6.5-5)."""
+    """A count of 200 is too large for the nodes of a body, but valid as a number of iterations
+    (A-6.5-5)."""
     program = Program(nodes=tuple(loop(pause(1), counts=200)))
     assert not runnable(program, DEFAULT)
     assert runnable(program, Dialect.of(loop_iter="counts"))
@@ -706,10 +707,10 @@ def new_plant() -> Plant:
 
 
 @given(program=PROGRAMS, dialect=DIALECTS, instants=INSTANTS, simulated=st.booleans())
-def test_any_runnable_program_runs_alike_however_it_is_advanced(
+def test_the_times_of_calls_do_not_affect_a_run(
     program: Program, dialect: Dialect, instants: list[float], *, simulated: bool
 ) -> None:
-    """No program raises, and what it does does not depend on when it is looked at."""
+    """No program raises an exception, and its effect does not depend on the times of the calls."""
     assume(runnable(program, dialect))
     coarse, fine = new_plant(), new_plant()
     coarse_run = Run(program, dialect, coarse, simulated=simulated, now_s=0.0)

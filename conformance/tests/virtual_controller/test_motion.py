@@ -1,4 +1,4 @@
-"""Motion: continuous, always within the limits, and through its points."""
+"""Motions are continuous, within the limits, and through their points."""
 
 import math
 from itertools import pairwise
@@ -45,7 +45,7 @@ def reach(x_mm: float, y_mm: float, z_mm: float = 250, theta_x_deg: float = 0) -
 
 
 def check_motion(motion: Motion, start: Joints, end: Joints, share_of_speed: float = 1.0) -> None:
-    """Check start, end and the share of speed of every joint."""
+    """Check start, end, limits, and the speed of every joint."""
     assert motion.joints_at(-1) == motion.joints_at(0) == pytest.approx(start)
     assert motion.joints_at(motion.duration_s) == motion.joints_at(1e9) == end
     steps = 100
@@ -58,15 +58,16 @@ def check_motion(motion: Motion, start: Joints, end: Joints, share_of_speed: flo
 
 
 @given(JOINTS, JOINTS, SPEEDS)
-def test_a_move_is_sound(start: Joints, target: Joints, speed_percent: int) -> None:
-    """From anywhere to anywhere, within limits and the commanded share of every joint's speed."""
+def test_a_move_is_valid(start: Joints, target: Joints, speed_percent: int) -> None:
+    """Between any two positions, within the limits and the commanded share of every joint's
+    speed."""
     motion = move(start, target, speed_percent)
     check_motion(motion, start, target, speed_percent / 100)
 
 
 @given(LEFT_ELBOW, LEFT_ELBOW, SPEEDS)
-def test_a_straight_line_is_sound_or_refused(start: Joints, end: Joints, percent: int) -> None:
-    """A planned line keeps to the limits and to its share of speed; others are refused whole."""
+def test_a_straight_line_is_valid_or_refused(start: Joints, end: Joints, percent: int) -> None:
+    """A planned line stays within the limits and its speed; otherwise the whole line is refused."""
     try:
         motion = straight_line(start, end, percent)
     except UnreachableError:
@@ -80,8 +81,9 @@ def test_a_straight_line_is_sound_or_refused(start: Joints, end: Joints, percent
 
 
 @given(st.lists(LEFT_ELBOW, min_size=3, max_size=6), SPEEDS)
-def test_a_curve_is_sound_or_refused(targets: list[Joints], percent: int) -> None:
-    """A planned curve keeps to the limits and to its share of speed; others are refused whole."""
+def test_a_curve_is_valid_or_refused(targets: list[Joints], percent: int) -> None:
+    """A planned curve stays within the limits and its speed; otherwise the whole curve is
+    refused."""
     try:
         motion = curve(START, targets, percent)
     except UnreachableError:
@@ -89,8 +91,8 @@ def test_a_curve_is_sound_or_refused(targets: list[Joints], percent: int) -> Non
     check_motion(motion, START, targets[-1], percent / 100)
 
 
-def test_a_move_starts_and_ends_gently() -> None:
-    """Speed rises from zero and falls to zero, with the acceleration of the ramp at most."""
+def test_a_move_starts_and_ends_smoothly() -> None:
+    """The speed increases from 0 and decreases to 0, with at most the acceleration of the ramp."""
     motion = move(START, START._replace(inner_arm_deg=START.inner_arm_deg + 90), 100)
     step_s = motion.duration_s / 1000
     angles = [motion.joints_at(step * step_s).inner_arm_deg for step in range(1001)]
@@ -102,7 +104,7 @@ def test_a_move_starts_and_ends_gently() -> None:
 
 
 def test_a_typical_move_takes_about_a_second() -> None:
-    """At full speed half a second to two; at half the speed twice as long."""
+    """Half a second to two at full speed; twice as long at half speed."""
     target = reach(200, 300, 324, 34.6)
     motion = move(START, target, 100)
     assert 0.5 < motion.duration_s < 2
@@ -110,7 +112,8 @@ def test_a_typical_move_takes_about_a_second() -> None:
 
 
 def test_a_straight_line_is_straight_and_turns_evenly() -> None:
-    """No point strays by 0.1 mm; thetaX turns with the way; the tool keeps to its top speed."""
+    """The deviation is below 0.1 mm; thetaX changes in proportion to the distance; the tool speed
+    is limited."""
     start, end = reach(250, -200, 200, -40), reach(250, 200, 300, 80)
     motion = straight_line(start, end, 100)
     assert motion.duration_s >= math.dist((250, -200, 200), (250, 200, 300)) / TOOL_SPEED_MM_S
@@ -123,7 +126,7 @@ def test_a_straight_line_is_straight_and_turns_evenly() -> None:
 
 
 def test_a_line_out_of_reach_between_reachable_ends_is_refused() -> None:
-    """The hole of the annulus may not be crossed, nor the elbow change sides."""
+    """The arm may neither cross the hole of the annulus nor change the elbow side."""
     with pytest.raises(UnreachableError) as hole:
         straight_line(reach(-200, 150), reach(200, -150), 100)
     assert hole.value.code == "05"
@@ -134,7 +137,7 @@ def test_a_line_out_of_reach_between_reachable_ends_is_refused() -> None:
 
 
 def test_a_line_may_begin_stretched_with_either_elbow() -> None:
-    """A stretched arm has no side: the line takes that of its other end."""
+    """A stretched arm has no elbow side: the line uses the side of its other end."""
     stretched = Joints(0, 0, 250, 0)
     for near in (UPPER, LOWER):
         end = inverse(HOME, near)
@@ -142,7 +145,7 @@ def test_a_line_may_begin_stretched_with_either_elbow() -> None:
 
 
 def test_a_curve_passes_its_points_without_corners() -> None:
-    """Every target is met, and the direction changes little from one instant to the next."""
+    """Every target is reached, and the direction changes little between two samples."""
     targets = [reach(320, 100), reach(250, 200), reach(180, 180), reach(200, 50)]
     motion = curve(START, targets, 50)
     samples = [forward(motion.joints_at(motion.duration_s * i / 2000)) for i in range(2001)]
@@ -167,7 +170,7 @@ def test_a_curve_passes_its_points_without_corners() -> None:
 def test_a_jog_follows_its_axis_to_the_limit(
     direction: JogDirection, x_sign: int, y_sign: int
 ) -> None:
-    """20 mm/s along one base axis, nothing else changing, until the arm can go no further."""
+    """20 mm/s along one base axis, without other changes, until the arm reaches a limit."""
     motion = jog(START, direction)
     check_motion(motion, START, motion.waypoints[-1])
     pose = forward(motion.joints_at(1.0))
@@ -182,7 +185,7 @@ def test_a_jog_follows_its_axis_to_the_limit(
 
 
 def test_a_jog_at_the_limit_is_over_at_once() -> None:
-    """Where there is no way to go the jog lasts no time."""
+    """If the arm cannot move further, the jog has duration 0."""
     edge = jog(START, JogDirection.PLUS_X).waypoints[-1]
     assert jog(edge, JogDirection.PLUS_X).duration_s == pytest.approx(0, abs=1e-3)
     assert math.hypot(*forward(edge)[:2]) == pytest.approx(OUTER_REACH_MM, abs=0.01)
@@ -191,27 +194,27 @@ def test_a_jog_at_the_limit_is_over_at_once() -> None:
 
 
 @given(JOINTS, st.sampled_from(JogDirection))
-def test_a_jog_from_anywhere_is_sound(start: Joints, direction: JogDirection) -> None:
+def test_a_jog_from_anywhere_is_valid(start: Joints, direction: JogDirection) -> None:
     """It starts at the current position and never leaves the limits."""
     motion = jog(start, direction)
     check_motion(motion, start, motion.waypoints[-1])
 
 
-def test_holding_is_no_motion() -> None:
-    """The arm is at one place at any time, and it takes none."""
+def test_holding_is_not_a_motion() -> None:
+    """The arm stays at one position, and the duration is 0."""
     assert hold(START).duration_s == 0
     assert {hold(START).joints_at(t_s) for t_s in (-1.0, 0.0, 7.0)} == {START}
 
 
 def test_a_move_to_the_current_position_takes_no_time() -> None:
-    """Zero distance is no division by zero."""
+    """A distance of 0 causes no division by zero."""
     for motion in (move(START, START, 10), straight_line(START, START, 10)):
         assert motion.duration_s < 0.01
         assert motion.joints_at(0.0) == pytest.approx(START)
 
 
 @pytest.mark.parametrize("speed_percent", [0, -1, 101, math.nan])
-def test_a_speed_outside_1_to_100_percent_is_no_speed(speed_percent: float) -> None:
-    """The caller refuses it on the wire (A-4.24-4)."""
+def test_a_speed_outside_1_to_100_percent_is_refused(speed_percent: float) -> None:
+    """The caller must refuse such a request (A-4.24-4)."""
     with pytest.raises(ValueError, match="1 to 100 percent"):
         move(START, START, speed_percent)

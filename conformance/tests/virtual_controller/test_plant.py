@@ -29,7 +29,7 @@ def start_move(plant: Plant, now_s: float) -> float:
 
 
 def test_a_motion_runs_in_the_time_it_was_started_at(plant: Plant) -> None:
-    """The arm rests at the start before it, and at the target after it."""
+    """The arm is at the start before the motion, and at the target after it."""
     before = plant.joints(3.0)
     ends_s = start_move(plant, 3.0)
     assert plant.joints(3.0) == pytest.approx(before)
@@ -39,7 +39,7 @@ def test_a_motion_runs_in_the_time_it_was_started_at(plant: Plant) -> None:
 
 @given(st.floats(0, 1))
 def test_a_stop_holds_the_arm_where_it_is(share: float) -> None:
-    """At any instant of a motion, and from then on (4.17/7)."""
+    """The arm stays where it is at the moment of the stop (4.17/7)."""
     plant = Plant(datetime(2014, 12, 22, tzinfo=UTC), now_s=0.0)
     stop_s = share * start_move(plant, 0.0)
     there = plant.joints(stop_s)
@@ -49,7 +49,7 @@ def test_a_stop_holds_the_arm_where_it_is(share: float) -> None:
 
 
 def test_motors_warm_with_motion_and_cool_at_rest(plant: Plant) -> None:
-    """A motor that turns gets warmer, one that does not stays at ambient, and rest undoes it."""
+    """A moving motor gets warmer, a resting one cools down to ambient temperature."""
     assert plant.temperatures_c(0.0) == (AMBIENT_C,) * 4
     turned = plant.joints(0.0)._replace(inner_arm_deg=90)
     plant.start(move(plant.joints(0.0), turned, 100), 0.0)
@@ -94,7 +94,7 @@ def test_ports_keep_their_values(plant: Plant) -> None:
 
 @pytest.mark.parametrize("port", [-1, 0, 17, 2**32 - 1])
 def test_an_unknown_port_is_an_error(plant: Plant, port: int) -> None:
-    """No number wraps around to another port."""
+    """No port number is mapped to another port."""
     for ports in (plant.digital_inputs, plant.analog_inputs, plant.digital_outputs):
         with pytest.raises(NoSuchPortError, match="the ports are 1 to"):
             ports[port]
@@ -104,14 +104,15 @@ def test_an_unknown_port_is_an_error(plant: Plant, port: int) -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e7])
 def test_an_analog_input_is_a_plain_number(plant: Plant, value: float) -> None:
-    """What no int32 of hundredths can hold is refused, and the input keeps its value."""
+    """A value that does not fit an int32 of hundredths is refused, and the input keeps its
+    value."""
     with pytest.raises(ValueError, match="is not a valid value of analog input 1"):
         plant.analog_inputs[1] = value
     assert plant.analog_inputs[1] == 0.0
 
 
-def test_the_clock_goes_on_from_where_it_is_set() -> None:
-    """Months and leap years carry over (4.5, 4.6)."""
+def test_the_clock_runs_after_it_was_set() -> None:
+    """Days, months and leap years are counted (4.5, 4.6)."""
     clock = WallClock(datetime(2014, 12, 31, 23, 59, 58), now_s=100.0)  # noqa: DTZ001 - no zone
     assert clock.time(103.0) == datetime(2015, 1, 1, 0, 0, 1)  # noqa: DTZ001 - no zone
     clock.set(datetime(2016, 2, 28, 23, 59, 59), now_s=200.0)  # noqa: DTZ001 - no zone
@@ -119,21 +120,21 @@ def test_the_clock_goes_on_from_where_it_is_set() -> None:
 
 
 def test_the_clock_stops_at_the_end_of_year_9999() -> None:
-    """The year 9999 is followed by nothing, and by no error."""
+    """After the end of the year 9999 the clock stops without an error."""
     clock = WallClock(datetime(9999, 12, 31, 23, 59, 59), now_s=0.0)  # noqa: DTZ001 - no zone
     assert clock.time(1e9) == clock.time(math.inf) == datetime.max  # noqa: DTZ901 - no zone
 
 
 @given(st.datetimes(datetime(1971, 1, 1), datetime(2100, 1, 1)), st.floats(0, 1e6))  # noqa: DTZ001 - no zone
-def test_an_instant_since_1970_is_found_on_the_clock(time: datetime, delay_s: float) -> None:
-    """The clock is in UTC: an instant comes when the clock shows it (L938)."""
+def test_seconds_since_1970_of_the_clock(time: datetime, delay_s: float) -> None:
+    """The clock is in UTC: a time is reached when the clock shows it (L938)."""
     clock = WallClock(time, now_s=50.0)
     epoch_s = time.replace(tzinfo=UTC).timestamp() + delay_s
     assert clock.when_s(epoch_s) == pytest.approx(50.0 + delay_s, abs=1e-5)
 
 
 def test_faults_of_motors_add_up(plant: Plant) -> None:
-    """Codes 11-1F are a mask, and motors win over 05 and 06 (A-8-1, A-4.8-2)."""
+    """Codes 11-1F are a bit mask; motor faults have priority over 05 and 06 (A-8-1, A-4.8-2)."""
     plant.fail("06", 0.0)
     assert plant.fault_code == "06"
     plant.fail("05", 0.0)

@@ -24,8 +24,8 @@ _IDLE = b"\xcc\x09\x0200\xaa"
 
 
 async def _until(holds: Callable[[], bool]) -> None:
-    """Let the loop run until something holds."""
-    while not holds():  # noqa: ASYNC110 - what is waited for is told by no event
+    """Run the loop until the condition is true."""
+    while not holds():  # noqa: ASYNC110 - no event reports the condition
         await asyncio.sleep(0)
 
 
@@ -59,11 +59,11 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
     """L81, L83: silence while a network client is connected."""
 
     async def test(server: Server) -> None:
-        heard: list[bytes] = []
+        output: list[bytes] = []
         serve = server.receive
 
         def receive(connection: int, data: bytes) -> None:
-            heard.append(data)
+            output.append(data)
             serve(connection, data)
 
         server.receive = receive  # type: ignore[method-assign] # a witness of what arrives
@@ -75,7 +75,7 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
         _, writer = await asyncio.open_connection(*await server.listen("127.0.0.1", 0))
         await _until(lambda: len(server.core.sessions) == 2)
         os.write(master, _STATUS)
-        await _until(lambda: b"".join(heard) == _STATUS * 2)
+        await _until(lambda: b"".join(output) == _STATUS * 2)
         writer.close()
         await _until(lambda: len(server.core.sessions) == 1)
         os.write(master, b"\xaa\x08\x00\xcc")
@@ -86,7 +86,7 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
 
 
 def test_a_slow_reader_delays_requests_and_loses_no_reply() -> None:
-    """A client that reads late gets all replies, with any bytes."""
+    """A client that reads late gets all replies, also with any bytes in names."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()
@@ -154,7 +154,7 @@ def test_a_failing_line_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as patch:
             patch.setattr(os, "read", fail)
             port._read()
-        assert list(server.core.sessions) == [3]  # the device is there, so it is opened again
+        assert list(server.core.sessions) == [3]  # the device exists, so it is opened again
         os.close(slave)
         os.close(master)
 
@@ -162,7 +162,7 @@ def test_a_failing_line_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_closed_session_starts_again() -> None:
-    """A line cannot be closed as a connection can: the next request finds a new session."""
+    """A line has no end of a connection: the next request starts a new session."""
 
     async def test(server: Server) -> None:
         master, slave = os.openpty()
@@ -233,18 +233,18 @@ def test_shutdown_over_the_line_answers_and_ends_serving() -> None:
 
 
 @pytest.mark.parametrize(
-    ("device", "baud", "said"),
+    ("device", "baud", "reported"),
     [
         ("/dev/there-is-none", 115200, "/dev/there-is-none cannot be opened: No such file"),
         ("/dev/null", 115200, "/dev/null is not a serial device: "),
         ("/dev/ttyS0", 12345, "/dev/ttyS0 does not support 12345 baud: try 115200"),
     ],
 )
-def test_an_unusable_device_is_an_error(device: str, baud: int, said: str) -> None:
+def test_an_unusable_device_is_an_error(device: str, baud: int, reported: str) -> None:
     """One sentence, which names the device."""
 
     async def test(server: Server) -> None:
-        with pytest.raises(SerialPortError, match=said):
+        with pytest.raises(SerialPortError, match=reported):
             SerialPort(server, device, baud)
 
     _run(test)

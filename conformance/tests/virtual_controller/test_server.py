@@ -46,7 +46,7 @@ class Stand:
 
     @property
     def endpoints(self) -> list[Any]:
-        """The server's endpoints, with what they hold back."""
+        """The endpoints of the server, with their queued bytes."""
         return list(self.server._endpoints.values())
 
     async def client(self) -> Streams:
@@ -57,13 +57,13 @@ class Stand:
         return reader, writer
 
     async def ask(self, streams: Streams, request: bytes, size: int) -> bytes:
-        """Send a request and read an answer of a size."""
+        """Send a request and read a reply of this size."""
         streams[1].write(request)
         return await streams[0].readexactly(size)
 
     async def until(self, holds: Callable[[], bool]) -> None:
-        """Let the loop run until something holds."""
-        while not holds():  # noqa: ASYNC110 - what is waited for is told by no event
+        """Run the loop until the condition is true."""
+        while not holds():  # noqa: ASYNC110 - no event reports the condition
             await asyncio.sleep(0)
 
     async def close(self) -> None:
@@ -89,7 +89,7 @@ def _run(
 
 
 def test_several_clients_are_served() -> None:
-    """Each over its own connection, byte by byte or all at once."""
+    """Each uses its own connection, byte by byte or with whole requests."""
 
     async def test(stand: Stand) -> None:
         first, second = await stand.client(), await stand.client()
@@ -120,7 +120,7 @@ def test_final_results_in_scaled_time() -> None:
 
 
 def test_a_half_closed_client_is_answered_and_closed() -> None:
-    """It gets all replies, then the end; its jog stops."""
+    """The client gets all replies, then the end of the connection; its jog stops."""
 
     async def test(stand: Stand) -> None:
         reader, writer = await stand.client()
@@ -132,8 +132,8 @@ def test_a_half_closed_client_is_answered_and_closed() -> None:
     _run(test)
 
 
-def test_a_client_that_resets_is_forgotten() -> None:
-    """A-2-7: again and again."""
+def test_a_client_that_resets_is_removed() -> None:
+    """A-2-7, repeatedly."""
 
     async def test(stand: Stand) -> None:
         for _ in range(100):
@@ -158,7 +158,8 @@ def test_the_server_closes_if_the_dialect_requires_it() -> None:
 def test_a_client_that_does_not_read_is_disconnected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its queued replies are bounded, other clients are served, and it has a timeout."""
+    """Its queued replies are limited, other clients are served, and it is disconnected after a
+    timeout."""
     monkeypatch.setattr(server_module, "STALL_S", 0.3)
 
     async def test(stand: Stand) -> None:

@@ -73,7 +73,7 @@ def test_programs_are_kept_listed_and_deleted(make_store: StoreFactory) -> None:
 def test_a_name_that_could_leave_the_store_is_refused(
     make_store: StoreFactory, tmp_path: Path, name: bytes
 ) -> None:
-    """No such name is written, here or anywhere (A-5-20)."""
+    """The name is refused, and no file is written anywhere (A-5-20)."""
     store = make_store()
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(NameRefusedError):
@@ -83,7 +83,8 @@ def test_a_name_that_could_leave_the_store_is_refused(
 
 
 def test_a_full_store_takes_no_more(make_store: StoreFactory) -> None:
-    """Bytes and files are bounded; replacing counts the new content only."""
+    """The bytes and the number of files are limited; for a replaced file only the new content
+    counts."""
     store = make_store(max_bytes=10, max_files=2)
     store.write(b"a", b"12345")
     with pytest.raises(StoreFullError, match="6 bytes needed, 5 bytes free"):
@@ -97,7 +98,7 @@ def test_a_full_store_takes_no_more(make_store: StoreFactory) -> None:
 
 
 def test_settings_start_as_documented_and_are_replaced(make_store: StoreFactory) -> None:
-    """The document's own password and address hold until others are saved (L109, L153)."""
+    """The password and address of the document are valid until others are saved (L109, L153)."""
     store = make_store()
     assert store.settings.password == b"password"
     assert store.settings.ip == "192.168.1.2"
@@ -112,7 +113,8 @@ def test_settings_start_as_documented_and_are_replaced(make_store: StoreFactory)
 def test_everything_survives_a_restart(
     tmp_path_factory: pytest.TempPathFactory, programs: dict[bytes, bytes], data: st.DataObject
 ) -> None:
-    """Whatever the names and contents, a second store on the directory equals the first."""
+    """A second store on the directory has the same programs and settings, whatever their names and
+    contents."""
     directory = tmp_path_factory.mktemp("data")
     first = DirectoryStore(directory)
     for name, content in programs.items():
@@ -149,15 +151,15 @@ def test_no_two_names_share_a_file(
 
 
 @pytest.mark.parametrize("name", [b"nul", b".hidden", b"end.", b"%2e", b"\xff" * 255, b"=a=", b"A"])
-def test_odd_names_are_harmless_on_disk(tmp_path: Path, name: bytes) -> None:
-    """Device names, dots, percent signs and length are hidden from the file system."""
+def test_special_names_are_encoded_on_disk(tmp_path: Path, name: bytes) -> None:
+    """Device names, dots, percent signs and long names are encoded in file names."""
     DirectoryStore(tmp_path).write(name, b"data")
     assert DirectoryStore(tmp_path).read(name) == b"data"
     assert not {"nul", ".hidden", "end.", "A"} & {path.name for path in tmp_path.rglob("*")}
 
 
 class Killed(BaseException):
-    """The process ends here: nothing below the store may handle it."""
+    """The process is killed here: the store must not handle this exception."""
 
 
 @pytest.mark.parametrize(("module", "step"), [(os, "fsync"), (Path, "replace")])
@@ -197,10 +199,10 @@ def test_a_killed_process_leaves_the_old_content(
 @pytest.mark.parametrize(
     ("number", "expected"), [(errno.ENOSPC, StoreFullError), (errno.EIO, StoreError)]
 )
-def test_a_failing_disk_changes_nothing(
+def test_a_failed_write_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, expected: type[StoreError]
 ) -> None:
-    """A failed write raises one sentence; memory and disk are unchanged."""
+    """A failed write raises an error of one sentence; memory and disk are unchanged."""
     store = DirectoryStore(tmp_path)
     store.write(b"pro1.rob", b"old")
 
@@ -255,7 +257,7 @@ def test_damaged_settings_are_an_error_and_kept(tmp_path: Path, damage: bytes) -
     ],
 )
 def test_settings_of_a_wrong_type_are_an_error(tmp_path: Path, old: str, new: str) -> None:
-    """A value that cannot be is as bad as a torn file."""
+    """A value of the wrong type is an error, like a truncated file."""
     DirectoryStore(tmp_path).save(Settings())
     path = tmp_path / "settings.json"
     text = path.read_text()
@@ -265,8 +267,8 @@ def test_settings_of_a_wrong_type_are_an_error(tmp_path: Path, old: str, new: st
         DirectoryStore(tmp_path)
 
 
-def test_foreign_files_are_left_alone(tmp_path: Path) -> None:
-    """What the store did not make it neither lists nor removes."""
+def test_other_files_are_not_changed(tmp_path: Path) -> None:
+    """Files of other programs are neither listed nor removed."""
     DirectoryStore(tmp_path).write(b"pro1.rob", b"data")
     foreign = [tmp_path / "programs" / name for name in ("README", "=A=", "=a+", "程序", "=%61=")]
     for path in foreign:
@@ -276,8 +278,8 @@ def test_foreign_files_are_left_alone(tmp_path: Path) -> None:
     assert all(path.read_bytes() == b"mine" for path in foreign)
 
 
-def test_a_directory_beyond_the_bounds_is_not_read(tmp_path: Path) -> None:
-    """The bounds hold at the start too."""
+def test_a_directory_beyond_the_limits_is_not_read(tmp_path: Path) -> None:
+    """The limits also apply at the start."""
     DirectoryStore(tmp_path).write(b"pro1.rob", b"12345")
     with pytest.raises(StoreFullError, match="5 bytes needed, 4 bytes free"):
         DirectoryStore(tmp_path, max_bytes=4)
@@ -295,7 +297,8 @@ def test_a_file_instead_of_a_directory_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_programs_is_copied_in(make_store: StoreFactory, tmp_path: Path) -> None:
-    """Files come in under their names; hidden ones, folders and names already there do not."""
+    """Files are copied with their names, but not hidden files, folders and names that exist
+    already."""
     folder = tmp_path / "programs to seed"
     (folder / "sub").mkdir(parents=True)
     (folder / "pro1.rob").write_bytes(b"seed 1")

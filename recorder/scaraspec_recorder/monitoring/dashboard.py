@@ -25,6 +25,7 @@ MIN_INTERVAL_S: Final = 10.0
 _NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
 _MOST_PROBLEMS: Final = 5
 _UNREACHED: Final = "the robot cannot be reached"
+_CONNECTING: Final = "connecting to the robot …"
 _ENDING: Final = (
     "stopping: the remaining data is written; press Ctrl-C again to leave it to the next start"
 )
@@ -103,6 +104,7 @@ class _Problems:
     stalled: bool = False
     reason: str = ""
     unreached: str = ""
+    connecting: bool = False
     status: Status | None = field(default=None, compare=False)
 
     @classmethod
@@ -114,6 +116,7 @@ class _Problems:
             status.stalled,
             reason,
             progress.unreached,
+            bool(status.connecting_s),
             status,
         )
 
@@ -127,6 +130,8 @@ class _Problems:
             waiting = f"writing is stalled, {_size(self.status.waiting_bytes)} waiting"
             why = UserMessage(": {reason}", reason=self.reason) if self.reason else ""
             lines.append(f"{waiting}{why}" if self.stalled else "writing continues")
+        if self.connecting and not before.connecting:
+            lines.append(_CONNECTING)
         if self.unreached != before.unreached:
             why = self.unreached
             lines.append(f"{_UNREACHED}: {why}" if why else "the robot can be reached again")
@@ -189,15 +194,18 @@ class Dashboard:
 
 
 def _place(status: Status) -> str:
-    """Return the listening address and the current file."""
+    """Return the listening addresses and the current file."""
     files = status.progress.files
     captures = [name for name in files if not name.endswith(RERUN_SUFFIX)] or ["no file yet"]
-    return f"clients at {address_text(status.listen)}, {captures[-1]}"
+    listen = " and ".join(map(address_text, status.listen))
+    return f"clients at {listen}, {captures[-1]}"
 
 
 def _problems(status: Status) -> list[str]:
     """Return the current problems, the latest last."""
     problems = list(status.progress.problems[-_MOST_PROBLEMS:])
+    if status.connecting_s:
+        problems.append(f"{_CONNECTING} {status.connecting_s:.0f} s")
     if status.progress.unreached:
         problems.append(f"{_UNREACHED}: {status.progress.unreached}")
     if status.gaps:

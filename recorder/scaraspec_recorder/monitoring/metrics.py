@@ -86,6 +86,11 @@ class _Collector(Collector):
         connections = CounterMetricFamily(
             "scaraspec_connections", "Connections.", labels=("robot",)
         )
+        unforwarded = CounterMetricFamily(
+            "scaraspec_unforwarded_bytes",
+            "Bytes received and not forwarded: urgent data, or the robot was not connected.",
+            labels=("robot", "sender"),
+        )
         files = CounterMetricFamily("scaraspec_files", "Files created.", labels=("robot",))
         gauges = {
             name: GaugeMetricFamily(f"scaraspec_{name}", text, labels=("robot",))
@@ -102,6 +107,8 @@ class _Collector(Collector):
                 count = getattr(progress, attribute)
                 for name, counter in counters.items():
                     counter.add_metric([status.name, sender], getattr(count, name))
+                dropped_bytes = sum(count.unforwarded_bytes.values())
+                unforwarded.add_metric([status.name, sender], dropped_bytes)
             connections.add_metric(robot, progress.connections)
             files.add_metric(robot, progress.earlier_files + len(progress.files))
             for name, value in (
@@ -111,4 +118,4 @@ class _Collector(Collector):
                 ("free_bytes", status.free_bytes),
             ):
                 gauges[name].add_metric(robot, value)
-        return (*counters.values(), connections, files, *gauges.values())
+        return (*counters.values(), unforwarded, connections, files, *gauges.values())

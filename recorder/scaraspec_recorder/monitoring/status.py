@@ -13,10 +13,16 @@ from typing import Final
 
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.sinks.sink_runner import Progress
-from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
+from scaraspec_recorder.spool.spool import WriteStall, checkpoint_time_s, unread_bytes
 
 STALL_S: Final = 5.0
 """Time without acknowledgment after which writing counts as stalled; normal are four per second."""
+
+CONNECTING_S: Final = 1.0
+"""Time after which a pending connection to the robot is shown."""
+
+START_S: Final = 30.0
+"""The same time before the first acknowledgment: on a busy machine a process starts slowly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +31,7 @@ class Status:
 
     Attributes:
         name: The robot's name.
-        listen: Host and port that clients connect to.
+        listen: Hosts and ports that clients connect to.
         out_dir: Output folder.
         time_s: Time of the state, in seconds.
         progress: Progress of the writer process.
@@ -33,10 +39,11 @@ class Status:
         silent_s: Seconds since the last acknowledgment.
         free_bytes: Free disk space.
         stall: Why writing is stalled, if known.
+        starting: Whether nothing was acknowledged since the start.
     """
 
     name: str
-    listen: tuple[str, int]
+    listen: tuple[tuple[str, int], ...]
     out_dir: Path
     time_s: float
     progress: Progress
@@ -44,12 +51,20 @@ class Status:
     silent_s: float
     free_bytes: int
     stall: WriteStall | None = None
+    starting: bool = False
 
     @property
     def stalled(self) -> bool:
         """Whether writing is interrupted or slow."""
-        waits = bool(self.stall) or self.silent_s > STALL_S
+        waits = bool(self.stall) or self.silent_s > (START_S if self.starting else STALL_S)
         return waits and not self.progress.finished
+
+    @property
+    def connecting_s(self) -> float:
+        """How long a client has been waiting for the connection to the robot; 0 if not for long."""
+        since_ns = self.progress.connecting_since_ns
+        waited_s = self.time_s - since_ns / 1e9 if since_ns else 0
+        return waited_s if waited_s > CONNECTING_S else 0
 
     @property
     def gaps(self) -> int:
@@ -89,25 +104,26 @@ class StatusReader:
         """Return the current status."""
         recording, now_s = self._recording, self._now_s()
         stall = recording.stall
-        heard_s = stall.since_ns / 1e9 if stall else self._last_acknowledged_s()
+        acknowledged_s = self._last_acknowledged_s()
+        last_s = stall.since_ns / 1e9 if stall else acknowledged_s
         free_bytes = 0
         with suppress(OSError):  # the writer process creates the folder; the disk may be missing
             free_bytes = shutil.disk_usage(self._out_dir).free
         return Status(
             self.name,
-            recording.address,
+            recording.addresses,
             self._out_dir,
             now_s,
             recording.progress,
             unread_bytes(recording.spool),
-            max(now_s - heard_s, 0),
+            max(now_s - last_s, 0),
             free_bytes,
             stall,
+            acknowledged_s == self._started_s,
         )
 
     def _last_acknowledged_s(self) -> float:
         """Return the time of the last acknowledgment."""
-        with suppress(FileNotFoundError):  # deleted at the end
-            for acknowledged in self._recording.spool.glob("*.json"):
-                self._acknowledged_s = max(self._started_s, acknowledged.stat().st_mtime)
+        if written_s := checkpoint_time_s(self._recording.spool):  # deleted at the end
+            self._acknowledged_s = max(self._started_s, written_s)
         return self._acknowledged_s

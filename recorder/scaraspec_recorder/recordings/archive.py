@@ -1,5 +1,6 @@
 """The sink of a long-running recorder: combines rotation, marks, retention and the index."""
 
+import logging
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -7,17 +8,21 @@ from dataclasses import dataclass, field
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.forecast import Forecast
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import RecordingFolder, session_metadata
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
+from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.own_files import remove_temporary_files
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
 from scaraspec_recorder.units import Limits, show_size
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,8 @@ class Archive:
         keep: Limits of age and total size.
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         triggers: Conditions that write a mark into the recording, see `triggers`.
+        on_trigger: Command to run when a trigger fires; empty for none.
+        protect_ns: How long before and after a mark recordings are protected from retention.
     """
 
     robot: str
@@ -45,6 +52,8 @@ class Archive:
     keep: Limits = field(default_factory=Limits)
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
+    on_trigger: tuple[str, ...] = ()
+    protect_ns: int = 0
 
 
 def archive_sink(
@@ -72,7 +81,9 @@ def archive_sink(
     remove_temporary_files(folder.path)
     index = RecordingIndex(folder.path)
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
-    retention = Retention(index, archive.keep, archive.min_free_bytes, free_bytes)
+    retention = Retention(
+        index, archive.keep, archive.min_free_bytes, free_bytes, protect_ns=archive.protect_ns
+    )
     enough = retention.enforce(now_ns())
     if enough:
         index.repair()
@@ -83,12 +94,17 @@ def archive_sink(
     session = session_metadata(known, needs_login=archive.needs_login, redact=archive.redact)
     recording_folder = RecordingFolder(folder, index, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
-    outputs = with_marks(
-        [Rotation(recording_folder, judge, archive.rotate)], archive.triggers, folder
-    )
+    command = None
+    if archive.on_trigger:
+        command = TriggerCommand(
+            archive.on_trigger, archive.robot, lambda: recording_folder.open_files[-1].path
+        )
+    rotation = Rotation(recording_folder, judge, archive.rotate)
+    outputs = with_marks([rotation], archive.triggers, folder, command)
     redactor = Redactor() if archive.redact else None
     decoder = Decoder(outputs, judge, redactor, ClockWatch())
-    return _Retained(decoder, retention, recording_folder, _too_little(archive))
+    forecast = Forecast(folder.path, archive.keep, free_bytes)
+    return _Retained(decoder, retention, recording_folder, _too_little(archive), forecast)
 
 
 def _too_little(archive: Archive) -> str:
@@ -102,12 +118,18 @@ class _Retained:
     """A sink that enforces retention; if the disk stays full, it closes its files."""
 
     def __init__(
-        self, sink: Sink, retention: Retention, recording_folder: RecordingFolder, too_little: str
+        self,
+        sink: Sink,
+        retention: Retention,
+        recording_folder: RecordingFolder,
+        too_little: str,
+        forecast: Forecast,
     ) -> None:
         self._sink = sink
         self._retention = retention
         self._folder = recording_folder
         self._too_little = too_little
+        self._forecast = forecast
         self._looked_ns = 0
         self._full = False
 
@@ -130,7 +152,11 @@ class _Retained:
         if 0 <= now_ns - self._looked_ns < PERIOD_NS:
             return
         self._looked_ns = now_ns
-        if not self._retention.enforce(now_ns, self._folder.unlisted_bytes):
+        if text := self._forecast.text(now_ns):
+            _log.warning("forecast: %s", text)
+        if not self._retention.enforce(
+            now_ns, self._folder.unlisted_bytes, self._folder.unlisted_marks
+        ):
             self.close()  # events before this tick are durable and not delivered again
             self._full = True
 

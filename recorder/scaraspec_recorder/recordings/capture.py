@@ -7,6 +7,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import make_files, session_metadata
+from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.redaction import Redactor
@@ -21,6 +22,8 @@ def capture_sink(  # noqa: PLR0913 - independent options
     draw: bool = True,
     redact: bool = False,
     triggers: tuple[str, ...] = (),
+    on_trigger: tuple[str, ...] = (),
+    robot: str = "",
 ) -> Decoder:
     """Create the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
 
@@ -31,6 +34,8 @@ def capture_sink(  # noqa: PLR0913 - independent options
         draw: Whether to write capture.rrd too.
         redact: Whether to mask passwords in the raw bytes, too.
         triggers: Conditions that write a mark into the recording, see `triggers`.
+        on_trigger: Command to run when a trigger fires; empty for none.
+        robot: The robot's name, passed to the command.
 
     Raises:
         OSError: A file cannot be created.
@@ -40,8 +45,9 @@ def capture_sink(  # noqa: PLR0913 - independent options
         **session_metadata(session or {}, needs_login=needs_login, redact=redact),
         **folder.take_metadata(),
     }
-    _, outputs = make_files(folder, "capture", metadata, draw=draw, optimized=True)
-    marked = with_marks(outputs, triggers, folder)
+    paths, outputs = make_files(folder, "capture", metadata, draw=draw, optimized=True)
+    command = TriggerCommand(on_trigger, robot, lambda: paths[0]) if on_trigger else None
+    marked = with_marks(outputs, triggers, folder, command)
     judge, redactor = Judge(needs_login=needs_login), Redactor() if redact else None
     return Decoder(marked, judge, redactor, ClockWatch())
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.recordings.triggers import Trigger, UserTrigger, parse_trigger
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Item, Output
@@ -32,7 +33,10 @@ _log = logging.getLogger(__name__)
 
 
 def with_marks(
-    outputs: Sequence[Output], triggers: Sequence[str], folder: OutputFolder
+    outputs: Sequence[Output],
+    triggers: Sequence[str],
+    folder: OutputFolder,
+    command: TriggerCommand | None = None,
 ) -> Sequence[Output]:
     """Return outputs that also mark when a trigger fires.
 
@@ -40,6 +44,7 @@ def with_marks(
         outputs: The outputs that write the recording; returned as they are without a trigger.
         triggers: The conditions, as text.
         folder: The folder of the recording, through which the user requests a mark.
+        command: The command to run when a trigger fires.
 
     Raises:
         TriggerError: A text is not a condition.
@@ -50,7 +55,7 @@ def with_marks(
     for watcher in watchers.values():
         if isinstance(watcher, UserTrigger):
             folder.on_mark_request(watcher.request)
-    return (TriggerMarks(outputs, watchers),)
+    return (TriggerMarks(outputs, watchers, command=command),)
 
 
 class TriggerMarks:
@@ -60,6 +65,7 @@ class TriggerMarks:
         outputs: The other outputs.
         watchers: The triggers, by their texts.
         clock: Detects steps of the clock.
+        command: The command to run when a trigger fires.
     """
 
     def __init__(
@@ -67,8 +73,10 @@ class TriggerMarks:
         outputs: Sequence[Output],
         watchers: Mapping[str, Trigger],
         clock: ClockWatch | None = None,
+        command: TriggerCommand | None = None,
     ) -> None:
         self._outputs = tuple(outputs)
+        self._command = command
         self._watchers = watchers
         self._clock = clock or ClockWatch()
         self._stepped_ns: int | None = None  # elapsed time at the last step
@@ -113,11 +121,16 @@ class TriggerMarks:
         """Pass on the end."""
         for output in self._outputs:
             output.close(summary)
+        if self._command:
+            self._command.close()
 
     def _check_clock(self) -> bool:
-        """Whether the clock was set recently. Events from before the step may still follow."""
+        """Whether the clock was set, or the machine suspended, recently.
+
+        Events from before may still follow.
+        """
         elapsed_ns = self._clock.elapsed_ns()
-        if self._clock.step_ns():
+        if self._clock.step_ns() or self._clock.suspended_ns():
             self._stepped_ns = elapsed_ns
         recent = self._stepped_ns is not None and elapsed_ns - self._stepped_ns < _STEP_WAIT_NS
         if recent:
@@ -130,6 +143,8 @@ class TriggerMarks:
         if not why or (self._watchers[trigger].timed and self._check_clock()):
             return
         self.mark(self._now_ns, LogLine(Level.WARN, SOURCE, f"{trigger}: {why}"))
+        if self._command:
+            self._command.run(trigger, why, self._now_ns)
         logged_ns = self._logged_ns[trigger]
         if len(logged_ns) == LOGGED_A_MINUTE and 0 <= self._now_ns - logged_ns[0] < _MINUTE_NS:
             self._unlogged[trigger] += 1

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.marks import SOURCE
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import (
     RERUN_SUFFIX,
@@ -54,6 +55,11 @@ class RecordingFolder:
     def unlisted_bytes(self) -> int:
         """Size of the files that are not in the index yet."""
         return sum(files.size_bytes for files in (*self.open_files, *self.completed))
+
+    @property
+    def unlisted_marks(self) -> list[tuple[int, int]]:
+        """Times of the first and last mark of each file that is not in the index yet."""
+        return [files.mark_times_ns for files in (*self.open_files, *self.completed)]
 
     def list_completed(self, *, wait: bool = False) -> None:
         """Add files that have their final size to the index.
@@ -170,6 +176,11 @@ class RecordingFiles:
         return self._stats.build_summary(self._paths)
 
     @property
+    def mark_times_ns(self) -> tuple[int, int]:
+        """Times of the first and the last mark; 0 for none."""
+        return self._stats.first_mark_ns, self._stats.last_mark_ns
+
+    @property
     def size_bytes(self) -> int:
         """Size of the flushed data. A removed file counts nothing until `tick` reports it."""
         total_bytes = 0
@@ -192,6 +203,8 @@ class RecordingFiles:
 
     def mark(self, time_ns: int, line: LogLine) -> None:
         """Write a line of the log."""
+        if line.source == SOURCE:
+            self._stats.add_mark(time_ns)
         for output in self._outputs:
             output.mark(time_ns, line)
 

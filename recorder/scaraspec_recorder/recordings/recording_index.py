@@ -17,14 +17,16 @@ from typing import Any, Final
 from mcap.records import Channel, Message
 
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.marks import SOURCE
 from scaraspec_recorder.recordings.recording_stats import (
     RERUN_SUFFIX,
     RecordingStats,
     RecordingSummary,
 )
-from scaraspec_recorder.recordings.repair import is_full, repair
+from scaraspec_recorder.recordings.repair import incomplete_rrd, is_full, repair
 from scaraspec_recorder.sinks.file_names import is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.mcap.schemas import foxglove
 from scaraspec_recorder.sinks.own_files import REBUILT, is_own, temporary_file
 from scaraspec_recorder.sources.mcap_reader import RawLayerReader
 from scaraspec_recorder.sources.mcap_records import McapSummary, read_records
@@ -163,6 +165,8 @@ class RecordingIndex:
         """Repair a file of this recorder and add it."""
         if is_own(path):
             entry = repair_and_summarize(path)
+            for note in entry.notes:
+                _log.warning("%s: %s", path, note)
             self._saved = False
             self.add(entry)
 
@@ -190,6 +194,8 @@ def repair_and_summarize(path: Path) -> RecordingSummary:
     except CaptureError as error:
         notes = (str(error),)
     drawn = path.with_suffix(RERUN_SUFFIX)
+    if torn := incomplete_rrd(path):
+        notes = (*notes, torn)
     return stats.build_summary((path, drawn) if is_own(drawn) else (path,), notes)
 
 
@@ -205,6 +211,10 @@ def _count(path: Path, stats: RecordingStats) -> None:
             topic = topics.get(record.channel_id)
             if topic == "/exchanges":
                 stats.exchanges += 1
+            elif topic == "/log":
+                with suppress(ValueError):  # as below
+                    if foxglove.log_source(record.data) == SOURCE:
+                        stats.add_mark(record.log_time)
             elif topic == "/findings":
                 with suppress(ValueError):  # a foreign file with the name of a recording
                     found = schemas.decode(schemas.Finding, record.data)

@@ -48,6 +48,8 @@ class RecordingSummary:
         streams: Account of each stream with the SHA-256 of its recorded bytes.
         streams_left_out: Number of streams that are not listed.
         notes: What was or may have been lost, if the file was repaired.
+        first_mark_ns: Time of the first mark of a trigger; 0 for none.
+        last_mark_ns: Time of the last one.
     """
 
     name: str
@@ -65,6 +67,8 @@ class RecordingSummary:
     streams: Mapping[str, Stream] = field(default_factory=dict)
     streams_left_out: int = 0
     notes: tuple[str, ...] = ()
+    first_mark_ns: int = 0
+    last_mark_ns: int = 0
 
     @classmethod
     def read(cls, line: Mapping[str, Any]) -> "RecordingSummary":
@@ -80,7 +84,10 @@ class RecordingSummary:
             others = set(files) - {entry.name, Path(entry.name).with_suffix(RERUN_SUFFIX).name}
         except (KeyError, TypeError) as error:
             raise ValueError(f"no entry: {error}") from None
-        numbers = (entry.size_bytes, entry.begin_ns, entry.end_ns)
+        numbers = (
+            *(entry.size_bytes, entry.begin_ns, entry.end_ns),
+            *(entry.first_mark_ns, entry.last_mark_ns),
+        )
         if not all(isinstance(number, int) for number in numbers):
             raise ValueError("no entry: sizes and times are whole numbers")
         if others or not ours:
@@ -93,6 +100,7 @@ class RecordingStats:
 
     def __init__(self) -> None:
         self.begin_ns = self.end_ns = 0
+        self.first_mark_ns = self.last_mark_ns = 0
         self.exchanges = 0
         self.findings: Counter[str] = Counter()
         self._connections = 0
@@ -115,6 +123,11 @@ class RecordingStats:
             self.exchanges += 1
         elif isinstance(item, Finding):
             self.findings[item.verdict.value] += 1
+
+    def add_mark(self, time_ns: int) -> None:
+        """Count a mark of a trigger."""
+        self.first_mark_ns = self.first_mark_ns or time_ns
+        self.last_mark_ns = time_ns
 
     @property
     def summary_text(self) -> dict[str, str]:
@@ -154,6 +167,8 @@ class RecordingStats:
             streams=self._streams,
             streams_left_out=self._unlisted_streams,
             notes=notes,
+            first_mark_ns=self.first_mark_ns,
+            last_mark_ns=self.last_mark_ns,
         )
 
     def _list(self, accounts: Mapping[str, Mapping[str, str]]) -> None:

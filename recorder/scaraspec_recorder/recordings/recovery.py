@@ -8,13 +8,13 @@ import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
-from scaraspec_recorder.recordings.repair import is_full, repair
+from scaraspec_recorder.recordings.repair import incomplete_rrd, is_full, repair
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.own_files import (
     REBUILT,
@@ -41,6 +41,9 @@ def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
     """
     remove_temporary_files(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
+        with suppress(OSError):  # reported below
+            if torn := is_own(path) and incomplete_rrd(path):
+                _log.warning("%s", torn)
         if _unless_unreadable(_is_complete, path):
             continue
         try:

@@ -16,9 +16,11 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.recording_stats import RERUN_SUFFIX
 from scaraspec_recorder.sinks import own_files
 from scaraspec_recorder.sinks.byte_accounting import ByteAccounting
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
+from scaraspec_recorder.sinks.rerun.optimizer import is_whole
 from scaraspec_recorder.sources.mcap_reader import RawLayerReader
 from scaraspec_recorder.sources.mcap_records import RECOVERED, McapSummary, read_records
 
@@ -85,6 +87,23 @@ def repair(path: Path) -> RepairReport:
         summary.last_ns,
         (*summary.notes, *earlier),
         original,
+    )
+
+
+def incomplete_rrd(path: Path) -> str:
+    """Return that the .rrd file of a recording is incomplete, and what to do; empty if it is not.
+
+    Raises:
+        OSError: The .rrd file cannot be read.
+    """
+    drawn = path.with_suffix(RERUN_SUFFIX)
+    if drawn.is_symlink() or not drawn.is_file():
+        return ""
+    torn = not drawn.stat().st_size or (own_files.is_own(drawn) and not is_whole(drawn))
+    if not torn:
+        return ""
+    return UserMessage(
+        "{drawn} is incomplete: scaraspec recover {path} writes it again", drawn=drawn, path=path
     )
 
 

@@ -2,10 +2,13 @@
 
 The oldest complete recordings are removed first. Files that are being written are never removed.
 Each removal is logged and recorded in the index.
+
+Recordings near a mark of a trigger can be protected. Limits of age and size do not remove them. If
+the disk is full, they are removed after all others: otherwise nothing more could be recorded.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
@@ -31,15 +34,18 @@ class Retention:
         min_free_bytes: Disk space that must stay free; 0 for no limit.
         free_bytes: Returns the free disk space.
         clock: Detects steps of the clock. After a step the ages are unknown, and only sizes count.
+        protect_ns: How long before and after a mark recordings are protected; 0 for no protection.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - independent options
         self,
         index: RecordingIndex,
         keep: Limits,
         min_free_bytes: int,
         free_bytes: Callable[[], int],
         clock: ClockWatch | None = None,
+        *,
+        protect_ns: int = 0,
     ) -> None:
         self._index = index
         self._keep = keep
@@ -47,13 +53,19 @@ class Retention:
         self._free_bytes = free_bytes
         self._clock = clock or ClockWatch()
         self._ages_known = True
+        self._protect_ns = protect_ns
+        self._open_marks: Sequence[tuple[int, int]] = ()
 
-    def enforce(self, now_ns: int, written_bytes: int = 0) -> bool:
+    def enforce(
+        self, now_ns: int, written_bytes: int = 0, open_marks: Sequence[tuple[int, int]] = ()
+    ) -> bool:
         """Remove recordings beyond the limits.
 
         Args:
             now_ns: Current time, in nanoseconds since the Unix epoch.
             written_bytes: Size of the recording that is being written.
+            open_marks: Times of the first and the last mark of each recording that is being
+                written; 0 for none.
 
         Returns:
             Whether the required disk space is free.
@@ -62,9 +74,13 @@ class Retention:
             OSError: A file cannot be removed, or the index cannot be written.
         """
         self._ages_known = self._ages_known and not self._clock.step_ns()
+        self._open_marks = open_marks
+        protected = self._protected()
         oldest_first = self._oldest_first()
         total_bytes = written_bytes + sum(entry.size_bytes for entry in oldest_first)
         for entry in oldest_first:
+            if entry.name in protected:
+                continue
             age_known = self._ages_known and entry.end_ns >= _CLOCK_UNSET_NS
             age_ns = now_ns - entry.end_ns if age_known else 0
             if reason := _too_much(self._keep, total_bytes, age_ns):
@@ -78,13 +94,33 @@ class Retention:
         # Count removed files as free immediately. The file system may free them later, and then
         # too many files would be removed.
         free_bytes = self._free_bytes()
-        for entry in self._oldest_first():
+        protected = self._protected()
+        for entry in sorted(self._oldest_first(), key=lambda entry: entry.name in protected):
             if free_bytes >= self._min_free_bytes:
                 break
             free_bytes += entry.size_bytes
             least = show_size(self._min_free_bytes)
             self._remove(entry, now_ns, f"less than {least} free on the disk")
         return free_bytes >= self._min_free_bytes
+
+    def _protected(self) -> set[str]:
+        """Return the names of the recordings near a mark."""
+        if not self._protect_ns:
+            return set()
+        entries = self._index.entries.values()
+        marks = [(entry.first_mark_ns, entry.last_mark_ns) for entry in entries]
+        spans = [
+            (first_ns - self._protect_ns, last_ns + self._protect_ns)
+            for first_ns, last_ns in (*marks, *self._open_marks)
+            if first_ns
+        ]
+        return {
+            entry.name
+            for entry in entries
+            if any(
+                entry.end_ns >= begin_ns and entry.begin_ns <= end_ns for begin_ns, end_ns in spans
+            )
+        }
 
     def _oldest_first(self) -> list[RecordingSummary]:
         entries = self._index.entries.values()

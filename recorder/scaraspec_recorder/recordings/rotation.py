@@ -3,12 +3,14 @@
 Rotation is an output, so decoding and judging continue across files: an exchange that spans two
 files is judged normally and is written to the file in which it ends. A reader of a single file
 cannot do that; therefore a file ends after a reply if one comes soon. The next file starts with its
-first event or mark, so no file is empty. A file lasts at least one tick, because creating files
+first event or mark, so no file is empty. With a file for each connection, one without bytes, such
+as a health check, gets no file. A file lasts at least one tick, because creating files
 takes time and thousands of short connections must not delay writing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 from scaraspec.judge.judge import Judge
@@ -21,6 +23,7 @@ from scaraspec_recorder.sinks.decoder import Item, judge_summary
 from scaraspec_recorder.sinks.open_connections import OpenConnections
 from scaraspec_recorder.sinks.sink import TICK_NS
 from scaraspec_recorder.sinks.text import LogLine
+from scaraspec_recorder.spool.records import UNREACHABLE
 from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError, parse_limits
 
 MAX_WAIT_TICKS: Final = 4
@@ -86,9 +89,37 @@ class Rotation:
         self._began_ns: int | None = None  # clock of the ticks
         self._due_ticks = 0  # ticks since the file must end
         self._quiet = True  # the last item was a complete frame of the controller
+        self._held: dict[str, list[Callable[[], None]]] = {}  # connections without bytes so far
+        self._holding: list[Callable[[], None]] | None = None  # that of the last event
 
     def write(self, event: WireEvent) -> None:
         """Write a raw event, into a new file if the current one must end."""
+        if not self._rotate.each_connection or not self._hold(event):
+            self._write(event)
+
+    def _hold(self, event: WireEvent) -> bool:
+        """Hold the events of a connection until it has bytes; drop them if it ends without."""
+        name = event.connection
+        if event.kind is Kind.OPENED:
+            self._held[name] = []
+        self._holding = held = self._held.get(name)
+        if held is None:
+            return False
+        ended = event.kind in (Kind.CLOSED, Kind.RESET)
+        if event.kind in (Kind.OPENED, Kind.HALF_CLOSED) or (
+            ended and not event.note.startswith(UNREACHABLE)
+        ):
+            held.append(partial(self._write, event))
+            if ended:
+                del self._held[name]
+            return True
+        del self._held[name]
+        self._holding = None
+        for write in held:
+            write()
+        return False
+
+    def _write(self, event: WireEvent) -> None:
         if self._due_ticks and self._quiet:
             self._end()
         self._now_ns = event.time_ns
@@ -100,6 +131,12 @@ class Rotation:
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:
         """Write an item derived from the last event."""
+        if self._holding is None:
+            self._take(item, number, line)
+        else:
+            self._holding.append(partial(self._take, item, number, line))
+
+    def _take(self, item: Item, number: int, line: LogLine | None) -> None:
         if isinstance(item, FrameSeen):
             self._quiet = item.frame.direction is C2A
         self._current(self._now_ns).take(item, number, line)

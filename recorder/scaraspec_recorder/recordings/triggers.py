@@ -13,6 +13,7 @@ A condition is a word, most with an argument after a colon:
     late:500ms       a first reply takes longer, or is missing for this time
     malformed        bytes are not a frame, or the payload of a frame is malformed
     disconnect       a connection was closed or reset
+    gap              bytes were forwarded, but not recorded
     signal           the recorder received SIGUSR1
 """
 
@@ -140,8 +141,8 @@ class _FindingTrigger(Trigger):
     def on_item(self, item: Item) -> str:
         if not isinstance(item, Finding) or item.verdict not in self._verdicts:
             return ""
-        wanted = self._requirement in ("", item.requirement)
-        return f"{item.verdict.value} {item.requirement}: {item.message}" if wanted else ""
+        matches = self._requirement in ("", item.requirement)
+        return f"{item.verdict.value} {item.requirement}: {item.message}" if matches else ""
 
 
 class _Silence(Trigger):
@@ -268,12 +269,23 @@ class _Disconnect(Trigger):
         return ""
 
 
+class _Gap(Trigger):
+    """Fires for each gap in the recording."""
+
+    def on_event(self, event: WireEvent) -> str:
+        if event.kind is not Kind.GAP:
+            return ""
+        size = f"{event.length_bytes}" if event.length_bytes >= 0 else "an unknown number of"
+        return f"connection {event.connection}: {size} bytes are not recorded: {event.note}"
+
+
 _GIVEN: Final = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.TOLERATED, Verdict.ERROR)
 
 _PLAIN: Final[dict[str, Callable[[], Trigger]]] = {
     "refusal": _Refusal,
     "malformed": _Malformed,
     "disconnect": _Disconnect,
+    "gap": _Gap,
     SIGNAL: UserTrigger,
 }
 _WITH_ARGUMENT: Final[dict[str, Callable[[str], Trigger]]] = {
@@ -303,7 +315,7 @@ def parse_trigger(text: str) -> Trigger:
     raise TriggerError(
         UserMessage(
             "{text} is not a trigger: use code:12, refusal, finding:4.15/3, finding:fail, "
-            "silence:30s, late:500ms, malformed, disconnect or signal",
+            "silence:30s, late:500ms, malformed, disconnect, gap or signal",
             text=reprlib.repr(text),
         )
     )

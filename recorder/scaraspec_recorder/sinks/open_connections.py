@@ -6,10 +6,13 @@ bytes do not count as lost.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.file_names import utc_time
+
+_SINCE: Final = ", since "
 
 
 @dataclass(slots=True)
@@ -45,6 +48,23 @@ class OpenConnections:
             elif event.kind is Kind.GAP:
                 link.ends[event.direction] = event
 
+    def has(self, event: WireEvent) -> bool:
+        """Return whether an event has nothing new: a connection or bytes of an earlier file.
+
+        A reader of several files of one recording skips such an event: an opening again, as
+        `reopening_events` yields it, or a gap of bytes that an earlier file has.
+        """
+        link = self._links.get(event.connection)
+        if link is None:
+            return False
+        if event.kind is Kind.OPENED:
+            return is_reopening(event) and link.opened is not None
+        if event.kind is Kind.GAP:
+            known = link.ends.get(event.direction)
+            end = event.offset_bytes + event.length_bytes
+            return isinstance(known, int) and event.offset_bytes < end <= known
+        return event.kind is Kind.BYTES and not event.data
+
     def reopening_events(self, time_ns: int) -> Iterator[WireEvent]:
         """Yield the events that open the current connections in a file that starts at this time.
 
@@ -63,7 +83,12 @@ class OpenConnections:
                     yield replace(end, time_ns=time_ns)
 
 
+def is_reopening(event: WireEvent) -> bool:
+    """Return whether an event opens a connection that was open before the file began."""
+    return _SINCE in event.note
+
+
 def _since(opened: WireEvent) -> str:
     """Return the note of a repeated opening, with the original time."""
     note = opened.note or "open"
-    return f"{note}, since {utc_time(opened.time_ns):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{note}{_SINCE}{utc_time(opened.time_ns):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,5 +1,6 @@
 """Opens a capture file of any format, which its first bytes identify."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from scaraspec.user_message import UserMessage
@@ -11,12 +12,15 @@ from scaraspec_recorder.sources.pcap_reader import PcapCapture, read_pcap
 __all__ = ["McapCapture", "PcapCapture", "open_capture"]
 
 
-def open_capture(path: Path, *, port: int | None) -> McapCapture | PcapCapture:
+def open_capture(
+    path: Path, *, port: int | None, wait: Callable[[], bool] | None = None
+) -> McapCapture | PcapCapture:
     """Open an MCAP, pcap or pcapng file.
 
     Args:
         path: The file.
         port: TCP port of the controller in packet captures; see `read_pcap`.
+        wait: Called at the end of a recording in progress; returns whether to read on.
 
     Returns:
         The capture: an iterable of wire events with a summary.
@@ -35,4 +39,4 @@ def open_capture(path: Path, *, port: int | None) -> McapCapture | PcapCapture:
         ) from None
     if not head:
         raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
-    return read_mcap(path) if head == MAGIC else read_pcap(path, port=port)
+    return read_mcap(path, wait) if head == MAGIC else read_pcap(path, port=port)

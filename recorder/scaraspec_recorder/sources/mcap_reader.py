@@ -5,7 +5,7 @@ records and notes about what is missing. Nothing is written.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -144,14 +144,19 @@ class McapCapture:
 
     Missing bytes between two events of a stream become a gap.
 
+    Args:
+        path: The file.
+        wait: See `read_records`.
+
     Attributes:
         path: The file.
         summary: Complete when an iteration has ended.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, wait: Callable[[], bool] | None = None) -> None:
         self.path = path
         self.summary = McapSummary()
+        self._wait = wait
 
     @property
     def session(self) -> Mapping[str, str]:
@@ -195,7 +200,7 @@ class McapCapture:
         """
         self.summary = summary = McapSummary()
         raw, gap_filler, audit = RawLayerReader(), GapFiller(), ByteAccountingCheck()
-        for record in read_records(self.path, summary):
+        for record in read_records(self.path, summary, self._wait):
             if isinstance(record, Metadata):
                 audit.add_metadata(record.name, record.metadata)
             elif event := raw.take(record):
@@ -221,8 +226,8 @@ class McapCapture:
         summary.notes += summary.earlier_losses()
 
 
-def read_mcap(path: Path) -> McapCapture:
-    """Open a recording.
+def read_mcap(path: Path, wait: Callable[[], bool] | None = None) -> McapCapture:
+    """Open a recording; see `McapCapture`.
 
     Returns:
         Its events; see `McapCapture`.
@@ -231,4 +236,4 @@ def read_mcap(path: Path) -> McapCapture:
         CaptureError: The file cannot be opened or is not an MCAP file.
     """
     with open_mcap(path):
-        return McapCapture(path)
+        return McapCapture(path, wait)

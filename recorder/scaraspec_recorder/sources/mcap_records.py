@@ -10,7 +10,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,6 +94,7 @@ class McapSummary:
     """Summary of a recording and of its unreadable parts.
 
     Attributes:
+        read_bytes: How much of the file has been read.
         events: Number of wire events.
         last_ns: Time of the last event; 0 without events.
         finished: Whether the file was closed properly.
@@ -105,6 +106,7 @@ class McapSummary:
         notes: One sentence for each kind of missing data.
     """
 
+    read_bytes: int = 0
     events: int = 0
     last_ns: int = 0
     finished: bool = False
@@ -131,19 +133,37 @@ class McapSummary:
         """Whether the file is intact and complete."""
         return self.finished and not self.notes
 
+    def add(self, other: "McapSummary", path: Path) -> None:
+        """Add the summary of the next file of the same recording."""
+        self.events += other.events
+        self.last_ns = max(self.last_ns, other.last_ns)
+        self.finished = self.finished and other.finished
+        self.damaged = self.damaged or other.damaged
+        self.merged = self.merged or other.merged
+        self.wrong_accounts += other.wrong_accounts
+        self.unsupported |= other.unsupported
+        self.repairs += other.repairs
+        self.notes += [
+            UserMessage("{file}: {note}", file=path.name, note=note) for note in other.notes
+        ]
 
-def read_records(path: Path, summary: McapSummary) -> Iterator[McapRecord]:
+
+def read_records(
+    path: Path, summary: McapSummary, wait: Callable[[], bool] | None = None
+) -> Iterator[McapRecord]:
     """Yield all intact records of an MCAP file, including those in chunks, in order.
 
     Args:
         path: The file.
         summary: Receives whether the file was finished, and notes about damage.
+        wait: Called when a file that is not finished has no further complete record; returns
+            whether to look again. None to read what there is.
 
     Raises:
         CaptureError: The file cannot be opened or is not an MCAP file.
     """
     with open_mcap(path) as file:
-        yield from _Scanner(file, summary).records()
+        yield from _Scanner(file, summary, wait).records()
 
 
 @contextmanager
@@ -227,25 +247,31 @@ class _Chunk(NamedTuple):
 class _Scanner:
     """Reads one file from its start to its end."""
 
-    def __init__(self, file: BinaryIO, summary: McapSummary) -> None:
-        self._file, self._summary = file, summary
+    def __init__(
+        self, file: BinaryIO, summary: McapSummary, wait: Callable[[], bool] | None
+    ) -> None:
+        self._file, self._summary, self._wait = file, summary, wait
         self._size = file.seek(0, os.SEEK_END)
         self._window, self._window_at = b"", 0
         self._messages = self._expected_messages = 0
         self._damaged_chunks = self._skipped_bytes = self._wrong_lengths = 0
-        self._torn_bytes = 0
+        self._truncated_bytes = 0
         self._data_ended = False
         self._unsupported: set[str] = summary.unsupported
 
     def records(self) -> Iterator[McapRecord]:
         """Yield the intact records; then complete the summary."""
         at, declared = len(MAGIC), False
-        while not self._summary.finished and at < self._size:
+        while not self._summary.finished:
+            self._summary.read_bytes = at
+            self._wait_for_record(at)
+            if at >= self._size:
+                break
             record, end = self._record_at(at)
             if end is None:
                 following = self._search(at + 1)
                 if following is None:
-                    self._torn_bytes = self._size - at
+                    self._truncated_bytes = self._size - at
                     break
                 self._skipped_bytes += following - at
                 at = following
@@ -260,6 +286,16 @@ class _Scanner:
                 yield record
             at = end
         self._describe()
+
+    def _wait_for_record(self, at: int) -> None:
+        """Wait until a growing file has a complete record at a position."""
+        while self._wait and not self._is_complete(at) and self._wait():
+            self._size = self._file.seek(0, os.SEEK_END)
+
+    def _is_complete(self, at: int) -> bool:
+        self._file.seek(at)
+        head = self._file.read(_HEAD.size)
+        return len(head) == _HEAD.size and at + _HEAD.size + _HEAD.unpack(head)[1] <= self._size
 
     def _record_at(self, at: int) -> tuple[McapRecord | _Chunk | None, int | None]:
         """Return the record at a position, if it is of use, and its end, if it is reliable."""
@@ -474,10 +510,10 @@ class _Scanner:
             summary.notes.append(
                 "the file was not closed: what came after its last flush is missing"
             )
-            if self._torn_bytes:
+            if self._truncated_bytes:
                 summary.notes.append(
                     UserMessage(
-                        "its last {count} bytes are torn or damaged", count=self._torn_bytes
+                        "its last {count} bytes are torn or damaged", count=self._truncated_bytes
                     )
                 )
 

@@ -46,6 +46,7 @@ class PcapSummary:
     """Summary of a capture and of its unreadable parts.
 
     Attributes:
+        read_bytes: How much of the file has been read.
         packets: Packets in the file.
         segments: TCP segments of the selected connections.
         connections: Number of connections.
@@ -53,6 +54,7 @@ class PcapSummary:
         notes: One sentence for each kind of missing or unusual data.
     """
 
+    read_bytes: int = 0
     packets: int = 0
     segments: int = 0
     connections: int = 0
@@ -219,9 +221,15 @@ class _Record(NamedTuple):
 
 
 class _Source:
-    """The file for scapy: it has a position and rejects an invalid length."""
+    """The file for scapy: it has a position and rejects an invalid length.
 
-    def __init__(self, file: BinaryIO) -> None:
+    Args:
+        file: The content.
+        raw: The file, which may be compressed.
+    """
+
+    def __init__(self, file: BinaryIO, raw: BinaryIO) -> None:
+        self.raw = raw
         self.position = 0
         self.first = b""  # the first bytes read since the last mark
         self.ended = False  # the last read found the end of the file
@@ -246,6 +254,7 @@ def _records(path: Path, summary: PcapSummary) -> Iterator[_Record]:
         read = _read_pcapng if hasattr(reader, "interfaces") else _read_pcap
         while True:
             begin = source.mark()
+            summary.read_bytes = source.raw.tell()
             try:
                 record = read(reader, source)
             except _READING_ERRORS:
@@ -327,7 +336,7 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
     log_runtime.addFilter(silence)
     try:
         with path.open("rb") as raw:
-            source = _Source(open_content(path, raw))
+            source = _Source(open_content(path, raw), raw)
             reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # it accepts open files, too
             if hasattr(reader, "interfaces"):
                 reader.blocktypes[_INTERFACE] = partial(_describe, reader)

@@ -14,6 +14,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
 
+_MOST_DROPPED: Final = 3  # named in a note
 _MISSING: Final = "records are missing"
 _NO_START: Final = "its beginning is not recorded"
 
@@ -27,6 +28,7 @@ class ByteCounts:
     gaps: int = 0
     unknown_gaps: int = 0  # of unknown length
     spooled_bytes: int = 0  # left to the next recorder
+    unforwarded_bytes: dict[str, int] = field(default_factory=dict)  # dropped, by reason
 
     @property
     def received_bytes(self) -> int:
@@ -64,6 +66,8 @@ class _Link:
     number: int
     opened: WireEvent
     streams: dict[Direction, _Stream] = field(default_factory=dict)
+    connecting: bool = False
+    dropped: list[str] = field(default_factory=list)  # what was not forwarded
 
 
 class EventBuilder:
@@ -87,6 +91,12 @@ class EventBuilder:
         self._streams: dict[int, _Stream] = {}
         for number, time_ns, note, next_bytes in state.get("links", ()):
             self._open(number, time_ns, note, next_bytes)
+
+    @property
+    def connecting_since_ns(self) -> int:
+        """Time of the oldest client that waits for the connection to the robot; 0 for none."""
+        waiting = [link.opened.time_ns for link in self._links.values() if link.connecting]
+        return min(waiting, default=0)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -183,8 +193,14 @@ class EventBuilder:
             opening = kind is Kind.OPENED
             note, begin_bytes = (record.note, 0) if opening else (_NO_START, None)
             link = self._open(record.connection, time_ns, note, [begin_bytes, begin_bytes])
+            link.connecting = opening
             events.append(link.opened)
         stream = self._streams[number]
+        if kind in (ControlRecord.CONNECTED, ControlRecord.UNFORWARDED):
+            self._links[record.connection].connecting = False
+            if kind is ControlRecord.UNFORWARDED:
+                self._drop(record, stream)
+            return events
         if stream.next_bytes is not None and stream.next_bytes < offset:
             events.append(stream.gap(time_ns, offset - stream.next_bytes, _MISSING))
         stream.next_bytes = offset
@@ -193,8 +209,8 @@ class EventBuilder:
         elif kind is Kind.BYTES:
             events += self.take((record,))
         elif isinstance(kind, Kind) and kind is not Kind.OPENED:
-            name, direction = stream.name, stream.direction
-            events.append(WireEvent(time_ns, name, direction, kind, b"", offset, note=record.note))
+            place = (time_ns, stream.name, stream.direction, kind, b"", offset)
+            events.append(WireEvent(*place, note=self._note(record)))
         if kind in (Kind.CLOSED, Kind.RESET):
             self._close(record.connection)
         return events
@@ -211,6 +227,21 @@ class EventBuilder:
             link.streams[direction] = self._streams[stream_number(number, direction)] = stream
         self._links[number] = link
         return link
+
+    def _drop(self, record: Record, stream: _Stream) -> None:
+        """Count bytes that were not forwarded."""
+        dropped, reason = stream.count.unforwarded_bytes, record.note
+        dropped[reason] = dropped.get(reason, 0) + record.length_bytes
+        sender = "client" if stream.direction is A2C else "controller"
+        self._links[record.connection].dropped.append(
+            f"not forwarded from the {sender}: {record.length_bytes} bytes, {reason}"
+        )
+
+    def _note(self, record: Record) -> str:
+        """Return the note of a record; at the end, with what the connection did not forward."""
+        ended = record.kind in (Kind.CLOSED, Kind.RESET)
+        dropped = self._links[record.connection].dropped[:_MOST_DROPPED] if ended else ()
+        return "; ".join(filter(None, (record.note, *dropped)))
 
     def _close(self, number: int) -> None:
         del self._links[number]

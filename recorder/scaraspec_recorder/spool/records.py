@@ -31,6 +31,8 @@ class ControlRecord(Enum):
 
     RESTART = "restart"  # records before and after it are unrelated: connection numbers start again
     TOTAL = "total"  # `offset_bytes` is the tap's count of received bytes in this direction
+    CONNECTED = "connected"  # the connection to the robot is made
+    UNFORWARDED = "unforwarded"  # bytes that the tap dropped, see `unforwarded_record`
 
     __hash__ = object.__hash__
 
@@ -79,13 +81,16 @@ class Record(NamedTuple):
 
     @property
     def length_bytes(self) -> int:
-        """Length of a gap; 0 for every other kind."""
-        return int(_LENGTH.unpack_from(self.payload)[0]) if self.kind is Kind.GAP else 0
+        """Length of a gap, or of bytes that were not forwarded; 0 for every other kind."""
+        if self.kind in (Kind.GAP, ControlRecord.UNFORWARDED):
+            return int(_LENGTH.unpack_from(self.payload)[0])
+        return 0
 
     @property
     def note(self) -> str:
         """The note of a record without bytes of the wire."""
-        text = self.payload[_LENGTH.size :] if self.kind is Kind.GAP else self.payload
+        counted = self.kind in (Kind.GAP, ControlRecord.UNFORWARDED)
+        text = self.payload[_LENGTH.size :] if counted else self.payload
         return text.decode("utf-8", "replace")
 
 
@@ -100,6 +105,12 @@ def gap_record(
     """Return the record of bytes that were forwarded but not recorded."""
     payload = _LENGTH.pack(length_bytes) + reason.encode()
     return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)
+
+
+def unforwarded_record(stream: int, time_ns: int, length_bytes: int, reason: str) -> Record:
+    """Return the record of bytes that the tap received, but could not forward."""
+    payload = _LENGTH.pack(length_bytes) + reason.encode()
+    return Record(ControlRecord.UNFORWARDED, stream, time_ns, 0, payload)
 
 
 class Block:
@@ -157,7 +168,7 @@ def read_blocks(data: bytes) -> tuple[list[Record], int]:
     return records, at
 
 
-def is_torn(data: bytes) -> bool:
+def is_truncated(data: bytes) -> bool:
     """Whether `data` is empty or the start of an incomplete block.
 
     Any other rest that `read_blocks` leaves is damage.

@@ -9,9 +9,12 @@ import errno
 import os
 import socket
 import struct
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, Protocol
+from ipaddress import ip_address
+from typing import Final, Protocol, cast
 
 from scaraspec_recorder.tap import tcp
 
@@ -19,7 +22,10 @@ GUARD_MARK: Final = 0x5CA00000
 """Socket mark of the recorder's own packets, so that the rules do not redirect them again."""
 
 DIAL_TIMEOUT_S: Final = 5.0
-"""Time limit to connect to an address; the system's own is minutes."""
+"""Time limit to connect to a target, with all its addresses; the system's own is minutes."""
+
+NEXT_ADDRESS_S: Final = 0.25
+"""Time after which the next address is tried too (RFC 8305)."""
 
 _SO_ORIGINAL_DST: Final = 80  # linux/netfilter_ipv4.h; the module socket has no name for it
 _SOCKADDR_IN: Final = struct.Struct("!2xH4s8x")
@@ -72,8 +78,12 @@ class Upstream:
     port: int
 
     def listen(self, host: str, port: int) -> socket.socket:
-        """Listen on a TCP port; see `Route.listen`."""
-        return tcp.listen(host, port)
+        """Listen on a TCP port that is not the target; see `Route.listen`."""
+        sock = tcp.listen(host, port)
+        if self._reaches(sock):
+            sock.close()
+            raise OSError(_OWN_ADDRESS)
+        return sock
 
     def target(self, client: socket.socket) -> str:  # noqa: ARG002 - the same for all clients
         """Return the controller's address."""
@@ -83,24 +93,36 @@ class Upstream:
         """Connect to the first address of the host that accepts.
 
         Raises:
-            OSError: No address accepts, or the target is the recorder itself; the last error.
+            OSError: No address accepts, or the target is the recorder itself.
         """
-        try:
-            found = await asyncio.get_running_loop().getaddrinfo(
-                self.host, self.port, type=socket.SOCK_STREAM
-            )
-        except UnicodeError:
-            raise OSError(f"{self.host} is not a host name") from None
-        failure = OSError(f"{self.host} has no address")
-        for family, kind, protocol, _, address in found:
-            if address == client.getsockname():
-                failure = OSError(_OWN_ADDRESS)
-                continue
+        async with _dialing():
             try:
-                return await _connect(socket.socket(family, kind, protocol), address)
-            except OSError as error:
-                failure = error
-        raise failure
+                found = await asyncio.get_running_loop().getaddrinfo(
+                    self.host, self.port, type=socket.SOCK_STREAM
+                )
+            except UnicodeError:
+                raise OSError(f"{self.host} is not a host name") from None
+            own = client.getsockname()
+            addresses = [(family, address) for family, *_, address in found if address != own]
+            if not addresses:
+                raise OSError(_OWN_ADDRESS if found else f"{self.host} has no address")
+            return await _connect_any(addresses)
+
+    def _reaches(self, listener: socket.socket) -> bool:
+        """Whether connections to the target arrive at this listener."""
+        listening, port = listener.getsockname()[:2]
+        if port != self.port:
+            return False
+        try:
+            found = socket.getaddrinfo(self.host, port, listener.family, socket.SOCK_STREAM)
+        except (OSError, UnicodeError):  # not known now; checked again for each client
+            return False
+        hosts = {str(address[0]) for *_, address in found}
+        every = ip_address(listening).is_unspecified
+        return any(
+            host == listening or ((every or ip_address(host).is_unspecified) and _is_own(host))
+            for host in hosts
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +147,8 @@ class Redirect:
             OSError: It cannot be reached, or the client was not redirected.
         """
         destination = _redirected_from(client)
-        return await _connect(_guarded(socket.socket()), destination)
+        async with _dialing():
+            return await _connect(_guarded(socket.socket()), destination)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,19 +184,68 @@ class Tproxy:
         except OSError:
             sock.close()
             raise
-        return await _connect(sock, destination)
+        async with _dialing():
+            return await _connect(sock, destination)
+
+
+@asynccontextmanager
+async def _dialing() -> AsyncIterator[None]:
+    """Limit the time to connect.
+
+    Raises:
+        TimeoutError: With the text of the system.
+    """
+    try:
+        async with asyncio.timeout(DIAL_TIMEOUT_S):
+            yield
+    except TimeoutError:
+        raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from None
+
+
+async def _connect_any(addresses: Sequence[tuple[int, tuple[object, ...]]]) -> socket.socket:
+    """Connect to the first of several addresses that accepts.
+
+    The next address is tried when an earlier one fails or has not accepted for `NEXT_ADDRESS_S`.
+
+    Raises:
+        OSError: No address accepts; the last error.
+    """
+    untried = list(addresses)
+    failure = OSError()
+    attempts: set[asyncio.Task[socket.socket]] = set()
+    try:
+        while untried or attempts:
+            if untried:
+                family, address = untried.pop(0)
+                attempts.add(asyncio.create_task(_connect(socket.socket(family), address)))
+            done, attempts = await asyncio.wait(
+                attempts,
+                timeout=NEXT_ADDRESS_S if untried else None,
+                return_when=asyncio.FIRST_COMPLETED,
+            )
+            connected = [attempt.result() for attempt in done if not attempt.exception()]
+            for spare in connected[1:]:
+                spare.close()
+            if connected:
+                return connected[0]
+            for attempt in done:
+                failure = cast("OSError", attempt.exception())
+    finally:
+        for attempt in attempts:
+            attempt.cancel()
+        for late in await asyncio.gather(*attempts, return_exceptions=True):
+            if isinstance(late, socket.socket):
+                late.close()
+    raise failure
 
 
 async def _connect(sock: socket.socket, address: tuple[object, ...]) -> socket.socket:
-    """Connect the socket within `DIAL_TIMEOUT_S`. Close it on failure."""
+    """Connect the socket. Close it on failure."""
     sock.settimeout(0)
     try:
-        async with asyncio.timeout(DIAL_TIMEOUT_S):
-            await asyncio.get_running_loop().sock_connect(sock, address)
-    except BaseException as error:  # including cancellation when the client disconnects
+        await asyncio.get_running_loop().sock_connect(sock, address)
+    except BaseException:  # including cancellation when the client disconnects
         sock.close()
-        if isinstance(error, TimeoutError):
-            raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)) from None
         raise
     if sock.getsockname() == address:  # self-connection: the free port was also the target
         sock.close()
@@ -218,7 +290,7 @@ def _redirected_from(client: socket.socket) -> tuple[str, int]:
 
 def _is_own(host: str) -> bool:
     """Whether this is an address of this machine: others cannot be bound."""
-    with socket.socket() as probe:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
         try:
             probe.bind((host, 0))
         except OSError:

@@ -263,7 +263,7 @@ def run_serial_client(
         except OSError as error:
             if str(error) != logged:  # retries may continue for weeks; log each error once
                 logged = str(error)
-                _log.warning("the client's line cannot be opened: %s", error)
+                _log.warning("waiting for the client's line, which cannot be opened: %s", error)
         else:
             logged = ""
             while not (bridge.finished.is_set() or _is_closed(control_line, _POLL_S)):

@@ -6,19 +6,27 @@ decoding and no waiting. Does not belong here: frames and capture formats.
 """
 
 import asyncio
+import errno
 import gc
 import os
 import socket
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Final, cast
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.child_process import ignore_signals
-from scaraspec_recorder.spool.records import UNREACHABLE, ControlRecord, stream_number
+from scaraspec_recorder.spool.records import (
+    UNREACHABLE,
+    ControlRecord,
+    stream_number,
+    unforwarded_record,
+)
 from scaraspec_recorder.spool.spool import SpoolWriter
 from scaraspec_recorder.tap import kernel_timestamps, tcp
 from scaraspec_recorder.tap.routes import Route
@@ -28,6 +36,9 @@ BUFFER_BYTES: Final = 256 << 10
 
 STOP_S: Final = 2.0
 """Time limit to forward queued bytes when the tap stops."""
+
+PEER_CHECK_S: Final = 10.0
+"""Interval at which lost peers are looked for."""
 
 _READ_SIZE: Final = "max_size"  # attribute of asyncio's transports; uvloop's do not have it
 _DESCRIPTORS: Final = os.name == "posix"  # on Windows, a socket is not a file descriptor
@@ -66,23 +77,27 @@ class Tap:
         self.append = append
         self.kernel_time = kernel_time
         self.now_ns = now_ns
-        self.resets = tcp.ResetWatch()
+        self.resets = tcp.SocketWatch(tcp.ERROR)
+        self.urgent = tcp.SocketWatch(tcp.URGENT)
         self._connect = connect or Connection
         self._connections: set[Connection] = set()
         self._accepted = 0
-        self._server: asyncio.Server | None = None
+        self._servers: list[asyncio.Server] = []
         self._connection_removed = asyncio.Event()
+        self._peer_check = asyncio.get_running_loop().call_later(PEER_CHECK_S, self._check_peers)
 
     async def start(self, listener: socket.socket) -> None:
-        """Start to accept connections; `stop` closes `listener`."""
+        """Start to accept connections, also of further listeners; `stop` closes `listener`."""
         self.kernel_time = self.kernel_time and kernel_timestamps.enable_timestamps(listener)
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
+        server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
+        self._servers.append(server)
 
     async def stop(self) -> None:
         """Stop accepting and close all connections: orderly within `STOP_S`, then by reset."""
-        if self._server:
-            self._server.close()
+        self._peer_check.cancel()
+        for server in self._servers:
+            server.close()
         for connection in tuple(self._connections):
             connection.close("the recorder stopped")
         try:
@@ -92,6 +107,7 @@ class Tap:
                 connection.reset()
             await self._wait_until_empty()
         self.resets.close()
+        self.urgent.close()
 
     def remove(self, connection: "Connection") -> None:
         """Remove a connection. Both of its sockets are closed."""
@@ -102,6 +118,12 @@ class Tap:
         while self._connections:
             self._connection_removed.clear()
             await self._connection_removed.wait()
+
+    def _check_peers(self) -> None:
+        """Reset the sockets whose peer is lost."""
+        for connection in tuple(self._connections):
+            connection.check_peers()
+        self._peer_check = asyncio.get_running_loop().call_later(PEER_CHECK_S, self._check_peers)
 
     def _accept(self) -> "SocketEnd":
         self._accepted += 1
@@ -120,7 +142,7 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 
 
 def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
-    listener: socket.socket,
+    listeners: Sequence[socket.socket],
     route: Route,
     spool: Path,
     limit_bytes: int,
@@ -141,7 +163,8 @@ def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
         loop = asyncio.get_running_loop()
         writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
         tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
-        await tap.start(listener)
+        for listener in listeners:
+            await tap.start(listener)
         gc.freeze()  # imported objects stay alive: exclude them from collections
         line.settimeout(0)
         await loop.sock_recv(line, 1)
@@ -163,6 +186,7 @@ class SocketEnd(asyncio.Protocol):
         self.received_bytes = 0
         self.half_closed = False  # its sender sends no more bytes
         self.closed = False
+        self.lost = False  # the other side does not acknowledge
         self.transport: asyncio.Transport | None = None
         self.descriptor = -1
         self.early_data: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
@@ -228,7 +252,8 @@ class SocketEnd(asyncio.Protocol):
         if isinstance(self._reader, kernel_timestamps.TimestampedReader):
             self._reader.close()
             exc = exc or self._reader.failure
-        self.connection.socket_closed(self, _reason(exc) if exc else "reset")
+        why = _reason(exc) if exc else "reset"
+        self.connection.socket_closed(self, os.strerror(errno.ETIMEDOUT) if self.lost else why)
 
     def pause_writing(self) -> None:
         """The socket's write buffer is full: pause the peer."""
@@ -283,6 +308,7 @@ class Connection:
     def connected(self, end: SocketEnd) -> None:
         """A socket is connected: first the client's, then the upstream's."""
         assert end.transport
+        self.tap.urgent.add(end.descriptor, partial(self._drop_urgent, end))
         if self._ended:
             end.transport.abort()
         elif end is self.client:
@@ -291,6 +317,7 @@ class Connection:
                 self._connect_upstream(end.transport)
             )
         else:
+            self._record(ControlRecord.CONNECTED, end)
             self.client.resume()
             for early in self.client.early_data:
                 self.client.data_received(*early)
@@ -316,6 +343,7 @@ class Connection:
         """A socket is closed. If the tap did not close it, reset the peer socket."""
         end.closed = True
         self.tap.resets.discard(end.descriptor)
+        self.tap.urgent.discard(end.descriptor)
         if not self._ended:
             self._end(Kind.RESET, end, why)
             if end.peer.transport:
@@ -329,6 +357,15 @@ class Connection:
         """Close in order, after queued bytes are sent."""
         if not self._ended:
             self._close(self.client, note)
+
+    def check_peers(self) -> None:
+        """Reset a socket whose peer is lost; the peer socket is reset then, too."""
+        for end in self._ends:
+            transport = end.transport
+            if transport and not transport.is_closing():
+                end.lost = tcp.is_lost(transport.get_extra_info("socket"))
+                if end.lost:
+                    tcp.reset(transport)
 
     def reset(self) -> None:
         """Reset both sockets now. Queued bytes are lost."""
@@ -372,7 +409,27 @@ class Connection:
         for each in self._ends:
             each.pause()
             self._record(ControlRecord.TOTAL, each)
+        if dropped_bytes := self._unforwarded_bytes():
+            self._record_dropped(self.client, dropped_bytes, "the robot was not connected")
         self._record(kind, end, note)
+
+    def _record_dropped(self, end: SocketEnd, size_bytes: int, reason: str) -> None:
+        """Record bytes that were not forwarded."""
+        self.tap.append(*unforwarded_record(end.stream, self.tap.now_ns(), size_bytes, reason))
+
+    def _drop_urgent(self, end: SocketEnd) -> None:
+        """Record urgent data, which is not in the stream. The system keeps its last byte."""
+        with suppress(OSError):
+            tcp.drop_urgent(end.descriptor)
+            self._record_dropped(end, 1, "sent as urgent data (TCP)")
+
+    def _unforwarded_bytes(self) -> int:
+        """Count the bytes that the client sent before the upstream socket was connected."""
+        client = self.client
+        unread_bytes = 0
+        if not self.upstream.transport and client.transport and not client.closed:
+            unread_bytes = tcp.unread_bytes(client.transport.get_extra_info("socket"))
+        return sum(len(data) for data, *_ in client.early_data) + unread_bytes
 
     def _record(self, kind: Kind | ControlRecord, end: SocketEnd, note: str = "") -> None:
         now_ns = self.tap.now_ns()

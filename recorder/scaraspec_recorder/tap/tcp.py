@@ -7,6 +7,7 @@ relayed or recorded.
 import asyncio
 import contextlib
 import ipaddress
+import os
 import select
 import socket
 import struct
@@ -18,13 +19,27 @@ if sys.platform == "linux":  # imported early: without a free file descriptor, i
     import fcntl
     import termios
 
+    ERROR: Final = select.EPOLLERR
+    URGENT: Final = select.EPOLLPRI
+else:
+    ERROR = URGENT = 0
+
 RESET_FLUSH_S: Final = 5.0
 """Maximum time that a reset waits until queued data is sent."""
 
 BACKLOG: Final = 1024
 """Maximum number of clients that wait for accept."""
 
+LOST_S: Final = 60.0
+"""Time without an acknowledgment after which a peer to which data is sent counts as lost."""
+
 _POLL_S: Final = 0.005
+_UNANSWERED: Final = 3
+"""Retransmissions or window probes without an answer; a peer that answers has 1 at most."""
+
+_TCP_INFO: Final = struct.Struct("=2xBB4x12xI28xI")
+"""Of Linux: retransmissions, probes, unacknowledged segments, ms since the last acknowledgment."""
+
 _KEEPALIVE: Final = {"TCP_KEEPIDLE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}  # s, s, probes
 _LINGER_NOT: Final = struct.pack("ii", 1, 0)  # close() then sends RST
 
@@ -39,6 +54,18 @@ def listen(host: str, port: int) -> socket.socket:
     return socket.create_server(address[:2], family=family, backlog=BACKLOG)
 
 
+def listening_hosts(host: str) -> list[str]:
+    """Return the addresses of a host to listen on, IPv4 first; `*` and `::` are all of both.
+
+    Raises:
+        OSError: The host is unknown.
+    """
+    passive = None if host in ("*", "::") else host
+    found = socket.getaddrinfo(passive, 0, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    ipv4_first = sorted(found, key=lambda each: each[0] != socket.AF_INET)
+    return list(dict.fromkeys(str(address[0]) for *_, address in ipv4_first))
+
+
 def address_text(address: tuple[object, ...]) -> str:
     """Return a socket address as ``host:port``, an IPv6 host in brackets."""
     host, port = address[:2]
@@ -48,10 +75,10 @@ def address_text(address: tuple[object, ...]) -> str:
 def is_loopback(host: str) -> bool:
     """Whether only this machine can reach a socket that listens on this host."""
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        found = listening_hosts(host)
     except (OSError, UnicodeError):
         return False
-    return all(ipaddress.ip_address(address[0]).is_loopback for *_, address in found)
+    return all(ipaddress.ip_address(address).is_loopback for address in found)
 
 
 def allow_many_sockets() -> None:
@@ -66,7 +93,8 @@ def allow_many_sockets() -> None:
 def tune(sock: socket.socket) -> None:
     """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers within a minute.
 
-    TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read.
+    TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read. Without
+    keep-alive probes, during a transmission, `is_lost` detects a lost peer.
     """
     with contextlib.suppress(OSError):  # some systems refuse after the peer disconnected
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -82,6 +110,37 @@ def unsent_bytes(sock: socket.socket) -> int:
         return 0
     answer = fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, b"\0\0\0\0")  # SIOCOUTQ, by its old name
     return int.from_bytes(answer, sys.byteorder)
+
+
+def unread_bytes(sock: socket.socket) -> int:
+    """Return the number of received bytes that were not read; 0 if it is unknown."""
+    if sys.platform != "linux":
+        return 0
+    answer = fcntl.ioctl(sock.fileno(), termios.FIONREAD, b"\0\0\0\0")
+    return int.from_bytes(answer, sys.byteorder)
+
+
+def drop_urgent(descriptor: int) -> None:
+    """Drop the byte of urgent data of a socket, so that the next one is reported.
+
+    Raises:
+        OSError: There is none.
+    """
+    with socket.socket(fileno=os.dup(descriptor)) as sock:
+        sock.recv(1, socket.MSG_OOB | socket.MSG_DONTWAIT)
+
+
+def is_lost(sock: socket.socket) -> bool:
+    """Whether the peer has not acknowledged sent data for `LOST_S`; on Linux only.
+
+    A peer that does not read still answers window probes, so it is not lost.
+    """
+    if sys.platform != "linux":
+        return False
+    info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO.size)
+    retransmissions, probes, unacknowledged, silent_ms = _TCP_INFO.unpack(info)
+    unanswered = retransmissions if unacknowledged else probes
+    return bool(unanswered >= _UNANSWERED and silent_ms >= LOST_S * 1000)
 
 
 def reset(transport: asyncio.Transport) -> None:
@@ -111,24 +170,28 @@ def reset_when_flushed(transport: asyncio.Transport) -> None:
     poll()
 
 
-class ResetWatch:
-    """Reports resets of half-closed sockets.
+class SocketWatch:
+    """Reports events of sockets that event loops do not report.
 
-    Event loops do not watch such a socket and would detect a reset only at the next write. Without
-    epoll, resets are not reported.
+    A reset of a half-closed socket would be detected only at the next write, and urgent data never.
+    Without epoll, nothing is reported.
+
+    Args:
+        event: `ERROR` or `URGENT`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, event: int) -> None:
+        self._event = event
         self._callbacks: dict[int, Callable[[], None]] = {}
         if sys.platform == "linux":
             self._epoll = select.epoll()
             asyncio.get_running_loop().add_reader(self._epoll.fileno(), self._on_ready)
 
     def add(self, descriptor: int, callback: Callable[[], None]) -> None:
-        """Call `callback` when this socket is reset."""
+        """Call `callback` at each event of this socket."""
         if sys.platform == "linux":
             self._callbacks[descriptor] = callback
-            self._epoll.register(descriptor, select.EPOLLET)  # errors are always reported
+            self._epoll.register(descriptor, select.EPOLLET | self._event)
 
     def discard(self, descriptor: int) -> None:
         """Stop watching this socket. Must be called before it is closed."""
@@ -144,5 +207,5 @@ class ResetWatch:
 
     def _on_ready(self) -> None:
         for descriptor, events in self._epoll.poll(0):
-            if events & select.EPOLLERR and (callback := self._callbacks.get(descriptor)):
+            if events & self._event and (callback := self._callbacks.get(descriptor)):
                 callback()

@@ -1,7 +1,7 @@
-"""A recorder as a user runs it, and clients of a virtual controller that count their own bytes.
+"""A recorder as a user runs it, and clients of a virtual controller that store all their bytes.
 
 A client knows all bytes that it has sent and that were answered. The tests compare a recording with
-them, whatever was killed during it.
+them, whatever process was killed during it.
 """
 
 import os
@@ -36,7 +36,8 @@ from scaraspec_recorder.spool.spool import read_checkpoint
 
 TIMEOUT_S = 60.0
 PACE_S = 0.002
-FROM_HERE_ON = "not in this recording"  # how a file that begins in the middle is mended
+# Needed to follow the requests of a file that starts in the middle.
+FROM_HERE_ON = "not in this recording"
 UPLOAD = bytes(range(256)) * 12
 POLLS = (
     "get_status",
@@ -53,7 +54,7 @@ def _has_replies_or_failed(talker: Any, count: int) -> bool:
 
 
 def wait_until(condition: Callable[[], Any]) -> Any:
-    """Wait for what another process does; return what it came to."""
+    """Wait until another process changes this; return the result."""
     deadline_s = time.monotonic() + TIMEOUT_S
     while not (found := condition()):
         assert time.monotonic() < deadline_s, "timeout"
@@ -67,7 +68,7 @@ def request(name: str, value: Any = None) -> bytes:
 
 
 def shift() -> list[bytes]:
-    """What a client asks for again and again: how things are, and now and then a file sent up."""
+    """The requests that a client repeats: queries, and sometimes an upload."""
     polls = [request(name) for name in POLLS] * 10
     pieces = [UPLOAD[at : at + 200] for at in range(0, len(UPLOAD), 200)]
     chunks = [Chunk(len(UPLOAD), 200 * n, len(piece), piece) for n, piece in enumerate(pieces)]
@@ -77,7 +78,7 @@ def shift() -> list[bytes]:
 
 @dataclass
 class Session:
-    """One connection, as its client knows it. Its address is its own: it names the session."""
+    """One connection with the bytes of its client. Its unique address identifies the session."""
 
     client: str
     begun_ns: int
@@ -85,7 +86,7 @@ class Session:
         default_factory=lambda: {A2C: bytearray(), C2A: bytearray()}
     )
     answers: list[tuple[int, int, dict[Direction, int]]] = field(default_factory=list)
-    """Of each exchange: when its answer was there, after how long, and what had passed by then."""
+    """For each exchange: time of the reply, duration, and the number of bytes until then."""
     ended_ns: int = 0
 
 
@@ -176,10 +177,7 @@ class Talker(threading.Thread):
 class Recorder:
     """`scaraspec record`, started in its own process group like by a service manager.
 
-    Args:
-        url: The controller.
-        out: The folder.
-        log: What it says, of all its lives.
+    Args: url: The controller. out: The folder. log: The output of all its processes.
     """
 
     def __init__(self, url: str, out: Path, log: Path) -> None:
@@ -188,7 +186,7 @@ class Recorder:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, *options: str) -> None:
-        """Start, and wait wait_until it listens: at the same address each time."""
+        """Start, and wait until it listens: at the same address each time."""
         begin = self._log.stat().st_size if self._log.exists() else 0
         listen = "{}:{}".format(*self.address)
         arguments = ("record", self._url, "--listen", listen, "--out", str(self._out), *options)
@@ -203,8 +201,8 @@ class Recorder:
         def listening() -> Any:
             assert self._process
             assert self._process.poll() is None, self._log.read_text()
-            said = self._log.read_bytes()[begin:].decode()
-            return re.search(r"^recording 127\.0\.0\.1:(\d+) ", said, re.MULTILINE)
+            reported = self._log.read_bytes()[begin:].decode()
+            return re.search(r"^recording 127\.0\.0\.1:(\d+) ", reported, re.MULTILINE)
 
         self.address = ("127.0.0.1", int(wait_until(listening)[1]))
 
@@ -228,7 +226,7 @@ class Recorder:
         return killed_ns
 
     def child(self, name: str) -> int:
-        """Return the process id of a child, as soon as it exists."""
+        """Return the process id of a child process, as soon as it exists."""
         return int(wait_until(lambda: self._child(name)))
 
     def end(self) -> int:
@@ -244,20 +242,20 @@ class Recorder:
             self._process.wait(TIMEOUT_S)
 
     def _child(self, name: str) -> int | None:
-        """The number of a child, by the name that it shows to the system."""
+        """The process id of a child process, found by its name."""
         assert self._process
         pid = self._process.pid
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
             try:
                 if Path(f"/proc/{child}/comm").read_text().strip() == f"scara-{name}":
                     return int(child)
-            except OSError:  # dead by now
+            except OSError:  # the process has ended
                 continue
         return None
 
 
 class Plant:
-    """A virtual controller, a recorder before it, and clients."""
+    """A virtual controller, a recorder between it and clients."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.out = folder / "out"
@@ -308,7 +306,7 @@ class Plant:
 
     @property
     def _spool(self) -> Path:
-        return spool_folder(self.out)  # a test may choose its location
+        return spool_folder(self.out)  # a test may choose another folder
 
     def _recorded_bytes(self) -> int:
         return Progress.read(read_checkpoint(self._spool).get("state", {})).a2c.recorded_bytes
@@ -328,7 +326,7 @@ class Stream:
 
     data: bytearray = field(default_factory=bytearray)
     lost: list[tuple[int, int]] = field(default_factory=list)
-    """Begin and end of the bytes counted as not recorded."""
+    """Start and end of the bytes that are counted as not recorded."""
 
     def add(self, event: WireEvent) -> None:
         """Add bytes or a gap; bytes in two files must be equal."""

@@ -1,7 +1,7 @@
-"""A full or read-only disk, or write errors: the traffic is unaffected, and no loss is unaccounted.
+"""A full or read-only disk, or write errors: the traffic is unaffected, and every loss is counted.
 
-The disks are small file systems in memory, which only this process and what it starts can see. To
-make them takes root, or a user namespace: see `make test-net`.
+The disks are small file systems in memory, visible only to this process and its children. They need
+root or a user namespace: see `make test-net`.
 """
 
 import ctypes
@@ -49,13 +49,11 @@ class Disk:
         _mount("tmpfs", folder, 0, f"size={DISK_BYTES}")
 
     def fill(self) -> None:
-        """Use all space."""
         with self._ballast.open("ab", buffering=0) as file, suppress(OSError):
             while True:
                 file.write(bytes(4096))
 
     def clear(self) -> None:
-        """Free the space again."""
         self._ballast.unlink()
 
     def allow_writing(self, *, allowed: bool) -> None:
@@ -173,8 +171,10 @@ def test_a_read_only_disk(tmp_path: Path) -> None:
 
 
 @pytest.mark.network
-@pytest.mark.parametrize("torn", [True, False])
-def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, torn: bool) -> None:
+@pytest.mark.parametrize("truncated", [True, False])
+def test_recovering_on_a_full_disk(
+    tmp_path: Path, shift: list[WireEvent], *, truncated: bool
+) -> None:
     """A truncated file that cannot be repaired is unchanged; a complete one gets no .rrd file."""
     disk = Disk(tmp_path)
     capture = tmp_path / "capture.mcap"
@@ -182,7 +182,7 @@ def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, to
     for event in shift:
         sink.write(event)
     sink.close({})
-    if torn:
+    if truncated:
         capture.write_bytes(capture.read_bytes()[:-100])
     before = capture.read_bytes()
     disk.fill()
@@ -192,7 +192,7 @@ def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, to
         text=True,
         check=False,
     )
-    if torn:
+    if truncated:
         assert done.returncode == 2
         why = f"{FULL}; free some disk space"
         assert (

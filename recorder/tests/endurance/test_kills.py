@@ -1,7 +1,7 @@
 """SIGKILL at random moments under traffic, and the bytes that are lost.
 
-A few kills by default; SCARASPEC_KILLS kills with `make test-kill`. SCARASPEC_SEED draws the same
-moments again, as far as the machine is deterministic.
+A few kills by default; `make test-kill` uses the number in SCARASPEC_KILLS. SCARASPEC_SEED repeats
+the same moments, if the computer is deterministic.
 """
 
 import os
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 VICTIMS = {"writer": 4, "tap": 3, "all": 2, "parent": 1}
-"""Weights of the killed processes: writer, tap, whole group, parent."""
+"""Weights of the processes to kill: writer, tap, whole group, parent."""
 
 CUTTING = ("tap", "all", "parent")
 """Kills that end connections."""
@@ -41,7 +41,7 @@ TALKERS = 2
 
 @dataclass
 class Campaign:
-    """Kills and their consequences."""
+    """Kills and their effects."""
 
     plant: Any
     dice: random.Random
@@ -50,7 +50,7 @@ class Campaign:
     repaired: int = 0
     redrawn: int = 0
     empty: int = 0
-    _begun_ns: int = 0  # the recorder
+    _begun_ns: int = 0  # the recorder itself
     _checked: set[Path] = field(default_factory=set)
 
     def run(self, moments: int) -> None:
@@ -139,12 +139,12 @@ class Campaign:
             text=True,
             check=False,
         )
-        said = done.stdout + done.stderr
-        repaired = said.count(": repaired, ")
-        assert done.returncode == (3 if repaired or "unwritten" in said else 0), said
-        assert not (lossless and done.returncode), said
+        reported = done.stdout + done.stderr
+        repaired = reported.count(": repaired, ")
+        assert done.returncode == (3 if repaired or "unwritten" in reported else 0), reported
+        assert not (lossless and done.returncode), reported
         self.repaired += repaired
-        self.redrawn += said.count(" written again")
+        self.redrawn += reported.count(" written again")
         self._checked |= set(files)
         last_ns = self._begun_ns
         for file in files:

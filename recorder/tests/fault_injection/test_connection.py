@@ -99,7 +99,7 @@ def test_the_original_bytes_and_the_fault_are_recorded(run: Any, load: Load) -> 
 
 
 def test_delayed_frames_keep_their_order(run: Any, load: Load) -> None:
-    """By timers of the event loop, in both directions, every byte."""
+    """Order and bytes are unchanged in both directions; delays are timers of the event loop."""
     injection = load(
         '[[rule]]\nfault = "jitter"\njitter_ms = 3\n[[rule]]\nfault = "fragment"\nsize_bytes = 2\n'
     )
@@ -111,15 +111,15 @@ def test_delayed_frames_keep_their_order(run: Any, load: Load) -> None:
             for frame in asked:
                 await send(client, frame)
                 await send(server, IDLE)
-            whole = b"".join(asked)
-            assert await receive(server, len(whole)) == whole
+            complete = b"".join(asked)
+            assert await receive(server, len(complete)) == complete
             assert await receive(client, 20 * len(IDLE)) == 20 * IDLE
 
     run(test)
 
 
 def test_a_frame_is_held_until_a_command_of_the_other_side(run: Any, load: Load) -> None:
-    """Without any passing of time: only the condition releases the frame."""
+    """No time passes: only the condition releases the frame."""
 
     async def test() -> None:
         async with Bench(load(HOLD)) as bench:
@@ -168,8 +168,8 @@ def test_stopping_forwards_delayed_bytes(run: Any, load: Load) -> None:
             await bench.stop()
             assert await receive(client, len(IDLE)) == IDLE
             assert await at_end(client)
-            told = [r.note for r in bench.records if r.kind is Kind.INJECTED]
-            assert told[-1] == "the connection ends: 6 bytes that waited are passed on at once"
+            printed = [r.note for r in bench.records if r.kind is Kind.INJECTED]
+            assert printed[-1] == "the connection ends: 6 bytes that waited are passed on at once"
 
     run(test)
 
@@ -204,7 +204,7 @@ def test_an_injected_reset_reaches_both_sides(run: Any, load: Load) -> None:
                 with pytest.raises(ConnectionResetError):
                     await at_end(sock)
             await bench.tap._wait_until_empty()
-            gc.collect()  # reports forgotten sockets
+            gc.collect()  # a ResourceWarning reports sockets that were not closed
             kinds = [event.kind for event in bench.events()]
             assert kinds == [Kind.OPENED, Kind.BYTES, Kind.INJECTED, Kind.RESET]
             assert (await bench.until(Kind.RESET)).note == "cut by an injected fault"

@@ -25,7 +25,7 @@ def test_the_samples_are_valid(path: Path) -> None:
 
 
 def test_the_samples_show_every_fault() -> None:
-    """The samples use every kind of fault."""
+    """The samples use each kind of fault."""
     shown = {type(rule.fault) for path in SAMPLES for rule in load_injection(path).rules}
     assert shown == set(injection_file._FAULTS.values())
 
@@ -110,7 +110,7 @@ def test_an_unreadable_file(tmp_path: Path) -> None:
 
 
 def test_every_part_of_every_command_can_be_selected(load: Load) -> None:
-    """No condition that can be met is refused."""
+    """Each command and direction can be selected by a condition that is possible."""
     for command in COMMANDS:
         parts = ("request", "reply", "result") if command.two_stage else ("request", "reply")
         for part in parts:

@@ -66,25 +66,25 @@ def test_an_injected_fault_causes_no_failure(new_talk: Callable[[], Any]) -> Non
 def test_no_dropped_request_causes_a_failure(shift: list[WireEvent]) -> None:
     """The controller did not receive the request, and the client continues as recorded."""
     before = Counter(verdicts(shift))
-    asked = [
+    requests = [
         at
         for at, (event, after) in enumerate(pairwise(shift))
         if event.kind is after.kind is Kind.BYTES
         and (event.direction, after.direction) == (A2C, C2A)
     ]
     blamed = []
-    for at in [*asked[:4], *asked[4:-3:40], *asked[-3:]]:
+    for at in [*requests[:4], *requests[4:-3:40], *requests[-3:]]:
         injected = replace(shift[at], kind=Kind.INJECTED, data=b"", note="dropped")
-        for told in ([injected], []):
-            found = Counter(verdicts([*shift[: at + 1], *told, *shift[at + 2 :]])) - before
+        for printed in ([injected], []):
+            found = Counter(verdicts([*shift[: at + 1], *printed, *shift[at + 2 :]])) - before
             if Verdict.FAIL in {verdict for verdict, _ in found}:
-                blamed.append((at, told))
+                blamed.append((at, printed))
     assert blamed
-    assert [at for at, told in blamed if told] == []
+    assert [at for at, printed in blamed if printed] == []
 
 
 def test_faults_in_the_log() -> None:
-    """In the recording and in the viewer."""
+    """The faults are in the log of the recording and of the viewer."""
     event = WireEvent(7, "3", C2A, Kind.INJECTED, note="get_status reply: rule 1: not passed on")
     assert event_text.log_line(Injected(event)) == (
         event_text.Level.WARN,
@@ -94,7 +94,7 @@ def test_faults_in_the_log() -> None:
 
 
 def test_a_session_counts_faults_by_connection(talk: Any) -> None:
-    """The addresses are kept."""
+    """The counts of faults are by connection, with the addresses."""
     talk.mark(A2C, Kind.OPENED, "a > b")
     unanswered(talk, injected=True)
     unanswered(talk, injected=True)
@@ -121,7 +121,7 @@ def test_faults_in_a_recording(load: Load, tmp_path: Path) -> None:
     async def test() -> None:
         server = await asyncio.start_server(answer, "127.0.0.1")
         route = Upstream(*server.sockets[0].getsockname())
-        listen = ("127.0.0.1", 0)
+        listen = [("127.0.0.1", 0)]
         async with (
             server,
             record(route, listen, tmp_path / "out", [sink], injection=injection) as recording,

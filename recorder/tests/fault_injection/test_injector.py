@@ -68,7 +68,7 @@ def run_out(injector: Injector) -> list[tuple[float, Action]]:
     raise AssertionError("something waits for ever")
 
 
-# What goes in comes out.
+# Unchanged bytes
 
 noise = st.binary(max_size=12)
 frames = st.builds(
@@ -106,8 +106,8 @@ def test_unselected_bytes_are_forwarded_in_order(
         actions += injector.receive(direction, data, now_s)
     for direction in Direction:
         actions += injector.finish(direction, now_s)
-        whole = b"".join(data for way, data, _ in stream if way is direction)
-        assert sent(actions, direction) == whole
+        complete = b"".join(data for way, data, _ in stream if way is direction)
+        assert sent(actions, direction) == complete
     assert notes(actions) == []
     assert [a for a in actions if isinstance(a, HalfClose)] == [HalfClose(A2C), HalfClose(C2A)]
 
@@ -150,7 +150,7 @@ def test_a_flush_forwards_everything(
         assert injector.receive(direction, data, 1.0) == []
 
 
-# What each fault does.
+# The effect of each fault
 
 
 def test_a_delay_also_delays_later_frames(injector: Any) -> None:
@@ -169,7 +169,7 @@ def test_a_delay_also_delays_later_frames(injector: Any) -> None:
 
 
 def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
-    """Only the seed and the connection decide."""
+    """The jitter depends only on the seed and the connection."""
     text = "seed = 5\n" + rule("jitter", "jitter_ms = 100")
 
     def waits(connection: int) -> list[str]:
@@ -183,28 +183,28 @@ def test_jitter_is_reproducible_per_connection(injector: Any) -> None:
 
 def test_the_delay_between_fragments(injector: Any) -> None:
     """It starts when the previous piece was actually forwarded."""
-    torn = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
-    (told, first) = torn.receive(C2A, IDLE, 0.0)
-    assert told.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
+    truncated = injector(rule("fragment", "size_bytes = 3", "gap_ms = 10"))
+    (printed, first) = truncated.receive(C2A, IDLE, 0.0)
+    assert printed.note.endswith("rule 1: in pieces of 3 bytes, 10 ms apart")
     assert first == Forward(C2A, IDLE[:3])
-    assert torn.next_s == 0.01
-    assert torn.tick(5.0) == [Forward(C2A, IDLE[3:])]
-    assert notes(torn.receive(A2C, ASK, 6.0)) != []
-    assert torn.receive(C2A, b"\xcc", 7.0) == []
+    assert truncated.next_s == 0.01
+    assert truncated.tick(5.0) == [Forward(C2A, IDLE[3:])]
+    assert notes(truncated.receive(A2C, ASK, 6.0)) != []
+    assert truncated.receive(C2A, b"\xcc", 7.0) == []
 
 
 def test_a_frame_shorter_than_a_fragment(injector: Any) -> None:
-    """Without a change there is no note."""
-    torn = injector(rule("fragment", "size_bytes = 4") + rule("truncate", "keep_bytes = 100"))
-    assert torn.receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
+    """A fault that changes nothing adds no note."""
+    truncated = injector(rule("fragment", "size_bytes = 4") + rule("truncate", "keep_bytes = 100"))
+    assert truncated.receive(A2C, ASK, 0.0) == [Forward(A2C, ASK)]
 
 
 def test_coalesced_frames_are_forwarded_together(injector: Any) -> None:
     """Three at a time; fewer after the timeout."""
     together = injector(rule("coalesce", "frames = 3", "within_ms = 100", 'direction = "A2C"'))
     for _ in range(2):
-        told = together.receive(A2C, ASK, 0.0)
-        assert not sent(told, A2C)
+        printed = together.receive(A2C, ASK, 0.0)
+        assert not sent(printed, A2C)
         assert sent(together.receive(A2C, ASK_TIME, 0.0), A2C) == b""
         assert Forward(A2C, ASK + ASK_TIME + STOP) in together.receive(A2C, STOP, 0.0)
     assert sent(together.receive(A2C, ASK, 1.0), A2C) == b""
@@ -277,7 +277,7 @@ def test_a_reset_replaces_its_frame(injector: Any) -> None:
 
 
 def test_all_matching_rules_are_applied(injector: Any) -> None:
-    """In their order, each with a note."""
+    """Rules are applied in their order, and each adds a note."""
     both = injector(rule("delay", "delay_ms = 5") + rule("delay", "delay_ms = 7") + rule("drop"))
     assert len(notes(both.receive(A2C, ASK, 0.0))) == 3
     assert both.next_s == pytest.approx(0.012)
@@ -361,6 +361,6 @@ def test_notes_contain_no_payload(load: Load, fault: str) -> None:
     }
     follows = Injector(load(rule(fault, *measures.get(fault, ()))), 1)
     login = Frame(A2C, 0x01, b"sesame").encode()
-    told = notes(follows.receive(A2C, login, 0.0)) + notes(follows.tick(1.0))
-    assert told
-    assert all("login request at bytes 0-9" in note and "sesame" not in note for note in told)
+    printed = notes(follows.receive(A2C, login, 0.0)) + notes(follows.tick(1.0))
+    assert printed
+    assert all("login request at bytes 0-9" in note and "sesame" not in note for note in printed)

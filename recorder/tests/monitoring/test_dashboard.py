@@ -1,20 +1,23 @@
 """Display of recordings: few plain lines, or a dashboard on a terminal."""
 
 import io
+import os
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import MagicMock
 
 from rich.console import Console
 
 from scaraspec_recorder.monitoring.dashboard import MIN_INTERVAL_S, Dashboard, LineDisplay
-from scaraspec_recorder.monitoring.status import STALL_S, Status
+from scaraspec_recorder.monitoring.status import STALL_S, START_S, Status, StatusReader
+from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.event_builder import ByteCounts
 from scaraspec_recorder.spool.spool import WriteStall
 
 CALM = Status(
     name="line-3",
-    listen=("127.0.0.1", 8877),
+    listen=(("127.0.0.1", 8877),),
     out_dir=Path("captures"),
     time_s=1000,
     progress=Progress(3, ByteCounts(7000), ByteCounts(500_000), ["capture.mcap"]),
@@ -41,33 +44,35 @@ def gaps(count: int) -> Progress:
 
 
 def test_no_output_without_problems() -> None:
-    """For an hour."""
-    said: list[str] = []
-    with LineDisplay(said.append) as lines:
+    """During an hour without problems nothing is printed."""
+    reported: list[str] = []
+    with LineDisplay(reported.append) as lines:
         for second in range(3600):
             lines.update([at(second)], ending=False)
-    assert said == []
+    assert reported == []
 
 
 def test_gaps_are_reported_at_intervals() -> None:
-    """One gap per second: reported at once, then every `MIN_INTERVAL_S`."""
-    said: list[str] = []
-    with LineDisplay(said.append) as lines:
+    """With one gap per second, the first is printed immediately, then one line every
+    `MIN_INTERVAL_S`."""
+    reported: list[str] = []
+    with LineDisplay(reported.append) as lines:
         for second in range(60):
             lines.update([at(second, gaps(second + 1))], ending=False)
-    assert said[0] == "line-3: 1 gaps so far, 100 B not recorded"
-    assert said[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
-    assert len(said) == 60 / MIN_INTERVAL_S
+    assert reported[0] == "line-3: 1 gaps so far, 100 B not recorded"
+    assert reported[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
+    assert len(reported) == 60 / MIN_INTERVAL_S
 
 
 def test_a_stall_is_reported_with_its_reason() -> None:
-    """At once, whether or not anything was written recently; and also its end."""
+    """Start and end of a stall are reported immediately, whether or not anything was written
+    recently."""
     full = replace(at(0), stall=WriteStall(995 * 10**9, "No space left on device"))
-    said: list[str] = []
-    with LineDisplay(said.append) as lines:
+    reported: list[str] = []
+    with LineDisplay(reported.append) as lines:
         lines.update([full], ending=False)
         lines.update([at(20)], ending=False)
-    assert said == [
+    assert reported == [
         "line-3: writing is stalled, 1.5 MB waiting: No space left on device",
         "line-3: writing continues",
     ]
@@ -80,29 +85,58 @@ def test_a_stall_is_reported_with_its_reason() -> None:
 
 
 def test_problems_are_reported_once() -> None:
-    """Also that writing is stalled, and that it continues."""
-    said: list[str] = []
+    """Each problem has one line, also a stall of the writing and its end."""
+    reported: list[str] = []
     stall = replace(CALM.progress, problems=["McapSink is disabled"])
-    with LineDisplay(said.append) as lines:
+    with LineDisplay(reported.append) as lines:
         lines.update([at(0, stall)], ending=False)
         lines.update([at(20, stall)], ending=False)
         lines.update([at(40, stall, STALL_S + 1)], ending=False)
         lines.update([at(60, stall)], ending=False)
-    assert said == [
+    assert reported == [
         "line-3: McapSink is disabled",
         "line-3: writing is stalled, 1.5 MB waiting",
         "line-3: writing continues",
     ]
 
 
-def test_an_unreachable_robot_is_reported() -> None:
-    """With the reason, on a terminal too."""
+def test_a_slow_start_is_no_stall(tmp_path: Path) -> None:
+    """The writer process is not running yet; a spool of an earlier recorder does not count."""
+    (tmp_path / "checkpoint.json").write_text("{}")
+    os.utime(tmp_path / "checkpoint.json", (1, 1))
+    recording = Recording([("127.0.0.1", 8877)], tmp_path, MagicMock(), MagicMock())
+    times_s = iter((1000, 1000 + START_S, 1001 + START_S, 1002 + START_S, 1003 + START_S))
+    reader = StatusReader("line-3", recording, tmp_path, lambda: next(times_s))
+    assert not reader.read_status().stalled
+    assert reader.read_status().stalled
+    os.utime(tmp_path / "checkpoint.json", (1001, 1001))
+    assert reader.read_status().stalled
+    os.utime(tmp_path / "checkpoint.json", (1002 + START_S, 1002 + START_S))
+    assert not reader.read_status().stalled
+
+
+def test_a_pending_connection_is_reported() -> None:
+    """If it takes longer than usual."""
     said: list[str] = []
-    gone = replace(CALM.progress, unreached="Connection refused")
+    waiting = replace(CALM.progress, connecting_since_ns=1020 * 10**9)
     with LineDisplay(said.append) as lines:
+        for second in range(15, 40):
+            lines.update([at(second, waiting if second >= 20 else None)], ending=False)
+    assert said == ["line-3: connecting to the robot …"]
+    screen = io.StringIO()
+    with Dashboard(Console(file=screen, width=160)) as dashboard:
+        dashboard.update([at(23, waiting)], ending=False)
+    assert f"{said[0]} 3 s" in screen.getvalue()
+
+
+def test_an_unreachable_robot_is_reported() -> None:
+    """The line has the reason; a dashboard shows it, too."""
+    reported: list[str] = []
+    gone = replace(CALM.progress, unreached="Connection refused")
+    with LineDisplay(reported.append) as lines:
         for second in range(40):
             lines.update([at(second, gone if second < 20 else None)], ending=False)
-    assert said == [
+    assert reported == [
         "line-3: the robot cannot be reached: Connection refused",
         "line-3: the robot can be reached again",
     ]
@@ -110,19 +144,19 @@ def test_an_unreachable_robot_is_reported() -> None:
     console = Console(file=screen, width=160)
     with Dashboard(console) as dashboard:
         dashboard.update([at(0, gone)], ending=False)
-    assert said[0] in screen.getvalue()
+    assert reported[0] in screen.getvalue()
 
 
 def test_a_slow_end_is_reported() -> None:
-    """At once, then every `MIN_INTERVAL_S` until all recordings are finished."""
-    said: list[str] = []
-    with LineDisplay(said.append) as lines:
+    """It is reported immediately, then every `MIN_INTERVAL_S` until all recordings are finished."""
+    reported: list[str] = []
+    with LineDisplay(reported.append) as lines:
         for second in range(25):
             lines.update([at(second)], ending=True)
         for second in range(25, 60):
             lines.update([at(second, replace(CALM.progress, finished=True))], ending=True)
-    assert said[0].startswith("stopping: ")
-    assert said[1:] == ["line-3: still writing, 1.5 MB remaining"] * 2
+    assert reported[0].startswith("stopping: ")
+    assert reported[1:] == ["line-3: still writing, 1.5 MB remaining"] * 2
 
 
 def test_the_dashboard_shows_everything() -> None:

@@ -1,4 +1,4 @@
-"""Metrics of recordings, for this machine only."""
+"""Metrics of recordings, only for programs on the same computer."""
 
 import socket
 import urllib.request
@@ -14,7 +14,7 @@ metrics = pytest.importorskip("scaraspec_recorder.monitoring.metrics")
 
 STATUS = Status(
     name="line-3",
-    listen=("127.0.0.1", 8877),
+    listen=(("127.0.0.1", 8877),),
     out_dir=Path("captures"),
     time_s=0,
     progress=Progress(3, ByteCounts(70, 30, 2), ByteCounts(500), ["a.mcap"], ["disk full"]),
@@ -49,7 +49,7 @@ def test_a_scrape_returns_all_metrics() -> None:
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "example.invalid"])
 def test_only_loopback_addresses_are_allowed(host: str) -> None:
-    """An address that other machines can reach is refused."""
+    """An address that other computers can reach is refused."""
     with (
         pytest.raises(metrics.MetricsError, match="served only on this machine"),
         metrics.serve(host, 0, list),

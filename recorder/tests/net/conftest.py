@@ -1,8 +1,8 @@
-"""Machines of the tests' own: network namespaces, joined by virtual cables.
+"""Simulated computers: network namespaces, connected by virtual cables.
 
-A client, a controller, and between them the recorder's machine, which forwards packets. Nothing but
-descriptors holds a namespace, so the system removes it with the process that made it, whatever
-that process dies of; the machine's own network is never touched.
+There are a client, a controller, and the recorder's computer between them, which forwards packets.
+Only file descriptors keep a namespace, so that the system removes it with the process, however that
+ends. The real network is never changed.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ def _call(function: Any, *arguments: int) -> None:
 
 @contextmanager
 def _returning() -> Iterator[None]:
-    """Bring this thread back to the network where it was."""
+    """Switch this thread back to its original network namespace."""
     here = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
     try:
         yield
@@ -54,7 +54,7 @@ def _returning() -> Iterator[None]:
 
 
 class Machine:
-    """A network namespace."""
+    """A simulated computer: a network namespace."""
 
     def __init__(self, gateway: str = "") -> None:
         self.gateway = gateway
@@ -68,13 +68,14 @@ class Machine:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """What this thread makes in here, sockets, processes, threads, is on this machine."""
+        """Everything that this thread creates in this context (sockets, processes, threads) is on
+        the machine."""
         with _returning():
             _call(_libc.setns, self._namespace, _CLONE_NEWNET)
             yield
 
     def run(self, command: str) -> str:
-        """Let a shell run a command, and return what it says."""
+        """Run a shell command, and return its output."""
         with self.inside():
             done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{command}: {done.stderr}"
@@ -92,12 +93,12 @@ class Machine:
 
 
 class RunningTap:
-    """A tap in a thread on one of the machines, and everything that it reports."""
+    """A tap in a thread on one of the machines, and its records."""
 
     def __init__(self, machine: Machine, route: Route, listen: tuple[str, int]) -> None:
         self.records: list[Record] = []
         self._machine = machine
-        self._told = threading.Condition()
+        self._received = threading.Condition()
         self._started = threading.Event()
         with machine.inside():
             self._listener = route.listen(*listen)
@@ -115,15 +116,15 @@ class RunningTap:
         self._listener.close()
 
     def until(self, kind: Kind) -> Record:
-        """The first record of this kind."""
-        with self._told:
-            assert self._told.wait_for(lambda: self._of(kind), TIMEOUT_S), f"there is no {kind}"
+        """Return the first record of this kind."""
+        with self._received:
+            assert self._received.wait_for(lambda: self._of(kind), TIMEOUT_S), f"there is no {kind}"
             return self._of(kind)[0]
 
     def until_received(self, direction: Direction, data: bytes) -> None:
-        """Wait until all these bytes, the first of the only connection, have been told."""
-        with self._told:
-            assert self._told.wait_for(lambda: self.stream(direction) == data, TIMEOUT_S)
+        """Wait until the records contain all these bytes, the first ones of the only connection."""
+        with self._received:
+            assert self._received.wait_for(lambda: self.stream(direction) == data, TIMEOUT_S)
 
     def stream(self, direction: Direction) -> bytes:
         chunks = self._of(Kind.BYTES)
@@ -136,9 +137,9 @@ class RunningTap:
         return [record for record in self.records if record.kind is kind]
 
     def _take(self, *fields: Any) -> None:
-        with self._told:
+        with self._received:
             self.records.append(Record(*fields))
-            self._told.notify_all()
+            self._received.notify_all()
 
     def _run(self) -> None:
         with self._machine.inside(), asyncio.Runner(loop_factory=new_event_loop) as runner:
@@ -154,7 +155,7 @@ class RunningTap:
 
 
 class Lab:
-    """Three machines in a row. All that it hands out ends with it."""
+    """Three machines in a row; everything that it creates ends with it."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
         self.client, self.controller = Machine(CLIENTS_GATEWAY), Machine(CONTROLLERS_GATEWAY)
@@ -178,26 +179,26 @@ class Lab:
         return route(mode, *CONTROLLER)
 
     def address(self, mode: Mode) -> tuple[str, int]:
-        """What a client connects to."""
+        """The address that a client connects to."""
         return (CLIENTS_GATEWAY, 8878) if mode is Mode.EXPLICIT else CONTROLLER
 
     def listen(self, mode: Mode) -> tuple[str, int]:
-        """What the recorder listens to."""
+        """The address that the recorder listens on."""
         return ("127.0.0.1" if mode is Mode.TPROXY else "0.0.0.0", 8878)
 
     def install(self, mode: Mode) -> None:
-        """Do what docs/transparent-proxy.md says."""
+        """Run the installation commands of docs/transparent-proxy.md."""
         steps = recipe(mode, CONTROLLER[0])
         if steps.script:
             (self._folder / steps.file_name).write_text(steps.script)
         self._run(steps.install)
 
     def remove(self, mode: Mode) -> None:
-        """Undo it, as the page says."""
+        """Run the removal commands of that page."""
         self._run(recipe(mode, CONTROLLER[0]).remove)
 
     def load_again(self, mode: Mode) -> None:
-        """Load only the script."""
+        """Load only the nftables script."""
         self._run(f"nft -f {recipe(mode, CONTROLLER[0]).file_name}")
 
     def _run(self, commands: str) -> None:
@@ -208,13 +209,13 @@ class Lab:
         return self._stack.enter_context(running)
 
     def serve(self) -> socket.socket:
-        """The controller's listening socket."""
+        """Open the listening socket of the controller."""
         return self._stack.enter_context(self.controller.listen(CONTROLLER))
 
     def connect(
         self, address: tuple[str, int], machine: Machine | None = None, receive_bytes: int = 0
     ) -> socket.socket:
-        """Connect from the client's machine, or another one."""
+        """Connect from the client's machine, or from another one."""
         sock = self._stack.enter_context((machine or self.client).new_socket())
         if receive_bytes:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
@@ -236,7 +237,7 @@ def lab(tmp_path: Path) -> Iterator[Lab]:
 
 @pytest.fixture(scope="session")
 def receive() -> Callable[[socket.socket, int], bytes]:
-    """Receives so many bytes."""
+    """Return a function that receives a number of bytes."""
 
     def receive(sock: socket.socket, size_bytes: int) -> bytes:
         data = bytearray()
@@ -251,7 +252,7 @@ def receive() -> Callable[[socket.socket, int], bytes]:
 
 @pytest.fixture(scope="session")
 def cut() -> Callable[[socket.socket], None]:
-    """Closes with RST."""
+    """Return a function that closes a socket with RST."""
 
     def cut(sock: socket.socket) -> None:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))

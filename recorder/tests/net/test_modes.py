@@ -1,4 +1,4 @@
-"""The ways of standing between, on machines of the tests' own."""
+"""The modes of the recorder in the network, on simulated machines."""
 
 import socket
 from collections.abc import Callable
@@ -26,10 +26,11 @@ def exchange(client: socket.socket, server: socket.socket, receive: Receive) -> 
     ("mode", "seen"),
     [(Mode.EXPLICIT, "10.77.2.1"), (Mode.REDIRECT, "10.77.2.1"), (Mode.TPROXY, "10.77.1.2")],
 )
-def test_who_is_seen_by_whom(lab: Any, receive: Receive, mode: Mode, seen: str) -> None:
-    """The client sees the controller; only TPROXY lets the controller see the client, port and all.
+def test_addresses_that_each_side_sees(lab: Any, receive: Receive, mode: Mode, seen: str) -> None:
+    """The client sees the address of the controller; only TPROXY shows the controller that of the
+    client.
 
-    The recording names the two that meant each other.
+    The recording has the addresses of client and controller in each mode.
     """
     server = lab.serve()
     tap = lab.tap(mode)
@@ -46,8 +47,8 @@ def test_who_is_seen_by_whom(lab: Any, receive: Receive, mode: Mode, seen: str) 
 
 
 @LED
-def test_rules_leave_a_live_session_alone(lab: Any, receive: Receive, mode: Mode) -> None:
-    """What was connected before goes on, unrecorded; who connects after is led through the tap."""
+def test_rules_do_not_affect_an_open_session(lab: Any, receive: Receive, mode: Mode) -> None:
+    """A connection from before continues without a recording; a new one passes through the tap."""
     server = lab.serve()
     live = lab.connect(lab.address(mode))
     controller = lab.accept(server)
@@ -66,7 +67,7 @@ def test_rules_leave_a_live_session_alone(lab: Any, receive: Receive, mode: Mode
 
 @LED
 def test_rules_can_be_loaded_again(lab: Any, receive: Receive, mode: Mode) -> None:
-    """A session that is led through the tap survives it, and no rule is there twice."""
+    """A session through the tap continues, and no rule is duplicated."""
     server = lab.serve()
     lab.tap(mode)
     lab.install(mode)
@@ -80,8 +81,8 @@ def test_rules_can_be_loaded_again(lab: Any, receive: Receive, mode: Mode) -> No
 
 
 @LED
-def test_nothing_is_left_when_the_rules_are_removed(lab: Any, receive: Receive, mode: Mode) -> None:
-    """Clients reach the controller without the tap, and the machine is as it was."""
+def test_removal_of_the_rules_is_complete(lab: Any, receive: Receive, mode: Mode) -> None:
+    """Clients reach the controller without the tap, and no rule remains on the machine."""
     state = "nft list ruleset; ip rule; ip route show table all"
     before = lab.middle.run(state)
     server = lab.serve()
@@ -96,7 +97,7 @@ def test_nothing_is_left_when_the_rules_are_removed(lab: Any, receive: Receive, 
 
 @pytest.mark.parametrize("mode", [Mode.EXPLICIT, Mode.REDIRECT])
 def test_without_a_recorder_clients_are_refused(lab: Any, mode: Mode) -> None:
-    """Explicit and REDIRECT fail closed."""
+    """Explicit mode and REDIRECT fail closed."""
     lab.serve()
     lab.install(mode)
     with pytest.raises(ConnectionRefusedError):
@@ -104,7 +105,7 @@ def test_without_a_recorder_clients_are_refused(lab: Any, mode: Mode) -> None:
 
 
 def test_without_a_recorder_tproxy_lets_clients_through(lab: Any, receive: Receive) -> None:
-    """TPROXY fails open, and such a session is unrecorded to its end."""
+    """TPROXY fails open, and such a session is not recorded until its end."""
     server = lab.serve()
     lab.install(Mode.TPROXY)
     client = lab.connect(lab.address(Mode.TPROXY))
@@ -118,10 +119,8 @@ def test_without_a_recorder_tproxy_lets_clients_through(lab: Any, receive: Recei
     assert len(tap.notes(Kind.OPENED)) == 1
 
 
-def test_redirect_leads_the_machines_own_clients_but_not_its_recorder(
-    lab: Any, receive: Receive
-) -> None:
-    """A client beside the recorder passes through the tap once: the mark breaks the circle."""
+def test_redirect_affects_local_clients_but_not_the_recorder(lab: Any, receive: Receive) -> None:
+    """A client on the recorder's machine passes through the tap once: the mark prevents a loop."""
     server = lab.serve()
     tap = lab.tap(Mode.REDIRECT)
     lab.install(Mode.REDIRECT)
@@ -131,8 +130,8 @@ def test_redirect_leads_the_machines_own_clients_but_not_its_recorder(
 
 
 @LED
-def test_who_comes_by_itself_is_not_led_in_a_circle(lab: Any, mode: Mode) -> None:
-    """A client that connects to the recorder's own address is disconnected."""
+def test_a_direct_connection_causes_no_loop(lab: Any, mode: Mode) -> None:
+    """A client that connects directly to the port of the recorder is disconnected."""
     tap = lab.tap(mode)
     lab.install(mode)
     with pytest.raises(ConnectionResetError):
@@ -142,8 +141,8 @@ def test_who_comes_by_itself_is_not_led_in_a_circle(lab: Any, mode: Mode) -> Non
 
 
 @LED
-def test_a_dead_controller_looks_dead(lab: Any, mode: Mode) -> None:
-    """Nothing listens there: the client is disconnected, and the recording gives the reason."""
+def test_a_dead_controller_resets_the_client(lab: Any, mode: Mode) -> None:
+    """If the controller does not listen, the client is reset and the recording has the reason."""
     tap = lab.tap(mode)
     lab.install(mode)
     with pytest.raises(ConnectionResetError):

@@ -1,6 +1,6 @@
-"""An independent witness on both sides of the recorder: tcpdump, whose captures are compared.
+"""An independent observer on both sides of the recorder: tcpdump, whose captures are compared.
 
-The traffic is small enough for every day; with SCARASPEC_FULL=1 it is a gigabyte each way, and
+By default the traffic is small; with SCARASPEC_FULL=1 it is a gigabyte in each direction, and
 10,000 connections.
 """
 
@@ -40,7 +40,7 @@ PIECES = (1, 3, 4, 212, 1460, 65_536, 300_000)
 
 
 class Stream:
-    """Size and hash of what passed one way."""
+    """Size and hash of the bytes of one direction."""
 
     def __init__(self) -> None:
         self._size_bytes = 0
@@ -55,7 +55,7 @@ class Stream:
 
 
 class Witness:
-    """tcpdump on a machine's cable, on which a server has this port."""
+    """tcpdump on the cable of a machine, for a server with this port."""
 
     def __init__(self, machine: Any, path: Path, port: int = DEFAULT_PORT) -> None:
         self._machine = machine
@@ -74,18 +74,18 @@ class Witness:
         self._copying.start()
 
     def close(self) -> None:
-        """Stop once all that has passed is in the file; nothing may be missing there."""
+        """Stop when all packets are in the file; none may be missing."""
         with self._machine.inside(), socket.socket(type=socket.SOCK_DGRAM) as sock:
             sock.sendto(self._marker, (self._machine.gateway, 9))
         complete = self._complete.wait(TIMEOUT_S)
         self._process.send_signal(signal.SIGINT)
         self._copying.join()
-        _, said = self._process.communicate()
+        _, reported = self._process.communicate()
         assert complete
-        assert re.search(rb"^0 packets dropped by kernel", said, re.MULTILINE), said
+        assert re.search(rb"^0 packets dropped by kernel", reported, re.MULTILINE), reported
 
     def connections(self) -> Counter[tuple[str, str]]:
-        """What passed on each connection, both ways."""
+        """The streams of each connection, in both directions."""
         seen: dict[str, dict[Direction, Stream]] = {}
         for event in read_pcap(self._path, port=self._port):
             assert event.kind is not Kind.GAP
@@ -104,7 +104,7 @@ class Witness:
 
 
 def ledger(folder: Path) -> Counter[tuple[str, str]]:
-    """What the recording holds of each connection, both ways; nothing is missing there."""
+    """The recorded streams of each connection, in both directions; no bytes may be missing."""
     accounts = json.loads((folder / "ledger.json").read_text())
     ways: dict[str, dict[str, str]] = {}
     for name, account in accounts.items():
@@ -128,7 +128,7 @@ async def send(sock: socket.socket, seed: int, size_bytes: int) -> str:
 
 
 async def receive(sock: socket.socket) -> str:
-    """Receive to the end."""
+    """Receive until the end."""
     received = Stream()
     while data := await asyncio.get_running_loop().sock_recv(sock, 1 << 20):
         received.add(data)
@@ -145,7 +145,7 @@ async def talk(sock: socket.socket, seed: int, size_bytes: int) -> tuple[str, st
 def conversation(
     lab: Any, mode: Mode, folder: Path, connections: int, size_bytes: int
 ) -> tuple[Counter[tuple[str, str]], Counter[tuple[str, str]]]:
-    """Hold conversations through a recorder, all its processes; return what each side knows."""
+    """Run connections through a complete recorder; return the streams that each side has seen."""
     places = asyncio.Semaphore(AT_ONCE)
 
     async def clients_part(seed: int) -> tuple[str, str]:
@@ -164,11 +164,11 @@ def conversation(
         return [(up, down) for down, up in await asyncio.gather(*talks)]
 
     async def hold() -> tuple[Counter[tuple[str, str]], Counter[tuple[str, str]]]:
-        limit_bytes = 4 * BULK_BYTES  # that the writing may lag is not what is tested here
+        limit_bytes = 4 * BULK_BYTES  # large, because a delay of the writing is not tested here
         with lab.serve() as server:
             server.settimeout(0)
             async with record(
-                lab.route(mode), lab.listen(mode), folder, [Ledger], limit_bytes=limit_bytes
+                lab.route(mode), [lab.listen(mode)], folder, [Ledger], limit_bytes=limit_bytes
             ):
                 parts = [clients_part(number) for number in range(connections)]
                 controllers = asyncio.ensure_future(controllers_part(server))
@@ -189,7 +189,7 @@ def test_bytes_pass_unchanged_and_are_all_recorded(
     size_bytes: int,
     tmp_path: Path,
 ) -> None:
-    """Sent = seen on one cable = seen on the other = received = recorded, for every connection."""
+    """For every connection, the bytes sent, on both cables, received and recorded are equal."""
     lab.install(mode)
     port = lab.listen(mode)[1] if mode is Mode.EXPLICIT else DEFAULT_PORT
     with (
@@ -202,4 +202,4 @@ def test_bytes_pass_unchanged_and_are_all_recorded(
     assert clients == near.connections() == far.connections()
     assert clients == ledger(tmp_path)
     for capture in tmp_path.glob("*.pcap"):
-        capture.unlink()  # gigabytes, and no one reads what was right
+        capture.unlink()  # files of gigabytes, which are not needed after success

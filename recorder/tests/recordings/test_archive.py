@@ -79,8 +79,8 @@ def test_all_files_are_complete(tmp_path: Path, shift: list[WireEvent]) -> None:
     assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
 
 
-def test_a_closed_file_is_released_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """Without the garbage collector, which the writer process seldom runs."""
+def test_a_closed_file_is_released_immediately(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """No garbage collection is needed, which the writer process seldom runs."""
     recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotation("1s")), shift[0].time_ns)
     gc.collect()
     gc.disable()
@@ -126,13 +126,14 @@ def test_restart_after_a_kill(tmp_path: Path, shift: list[WireEvent]) -> None:
 def test_disk_space_is_freed_before_a_repair(
     tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a full disk the oldest recording is removed first; else the repair would wait forever."""
+    """On a full disk the oldest recording is removed first; otherwise the repair would wait
+    forever."""
     for _ in range(2):
         recorder = Recorder(tmp_path, Archive("cell 2", draw=False), shift[0].time_ns)
         recorder.feed(shift)
         recorder.sink.close()
-    old, torn = sorted(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
-    torn.write_bytes(torn.read_bytes()[:-9])
+    old, truncated = sorted(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    truncated.write_bytes(truncated.read_bytes()[:-9])
     lines = (tmp_path / "contents.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "contents.jsonl").write_text(lines[0])
 
@@ -143,9 +144,12 @@ def test_disk_space_is_freed_before_a_repair(
 
     monkeypatch.setattr(index, "repair", repair_where_there_is_room)
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
-    wanted = Archive("cell 2", draw=False, min_free_bytes=GB + 1)
-    again = Recorder(tmp_path, wanted, shift[-1].time_ns)
-    assert [line.get("removed", line.get("name")) for line in again.listed] == [old.name, torn.name]
+    expected = Archive("cell 2", draw=False, min_free_bytes=GB + 1)
+    again = Recorder(tmp_path, expected, shift[-1].time_ns)
+    assert [line.get("removed", line.get("name")) for line in again.listed] == [
+        old.name,
+        truncated.name,
+    ]
     again.sink.close()
 
 

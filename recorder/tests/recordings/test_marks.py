@@ -17,6 +17,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, TriggerMarks, with_marks
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
 from scaraspec_recorder.recordings.rotation import parse_rotation
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
@@ -35,25 +36,25 @@ class Tape:
     """An output that stores everything in order."""
 
     def __init__(self) -> None:
-        self.told: list[Any] = []
+        self.printed: list[Any] = []
         self.marks: Marks = []
 
     def write(self, event: WireEvent) -> None:
-        self.told.append(event)
+        self.printed.append(event)
 
     def take(self, item: Item, number: int, line: LogLine | None) -> None:  # noqa: ARG002 - an `Output`
-        self.told.append(item)
+        self.printed.append(item)
 
     def mark(self, time_ns: int, line: LogLine) -> None:
         assert line.source == SOURCE
-        self.told.append(line)
+        self.printed.append(line)
         self.marks.append((time_ns, line.text))
 
     def tick(self, now_ns: int) -> None:
-        self.told.append(now_ns)
+        self.printed.append(now_ns)
 
     def close(self, summary: Mapping[str, str]) -> None:
-        self.told.append(summary)
+        self.printed.append(summary)
 
 
 class SinkWithTriggers:
@@ -90,7 +91,8 @@ def session(talk: Any) -> Any:
 
 
 def test_a_mark_has_the_time_and_the_reason(session: Any, caplog: pytest.LogCaptureFixture) -> None:
-    """In the recording and in the log of the process, in the form of `scaraspec view --at`."""
+    """The mark is in the recording and in the log of the process, in the form of `scaraspec view
+    --at`."""
     session.ask("reset", None, REFUSED)
     session.mark(A2C, Kind.CLOSED)
     watched = SinkWithTriggers("refusal", "disconnect", "code:12")
@@ -112,12 +114,12 @@ def test_triggers_do_not_change_other_outputs(shift: list[WireEvent]) -> None:
         each.folder.notify_mark_request()
         each.sink.tick(shift[-1].time_ns)
         each.sink.close()
-    told = watched.tape.told
-    refusal, signal = (number for number, each in enumerate(told) if isinstance(each, LogLine))
-    assert told[refusal - 1].name == "run_program"
-    assert told[signal + 1] == shift[-1].time_ns
-    del told[signal], told[refusal]
-    assert list(map(type, told)) == list(map(type, plain.tape.told))
+    printed = watched.tape.printed
+    refusal, signal = (number for number, each in enumerate(printed) if isinstance(each, LogLine))
+    assert printed[refusal - 1].name == "run_program"
+    assert printed[signal + 1] == shift[-1].time_ns
+    del printed[signal], printed[refusal]
+    assert list(map(type, printed)) == list(map(type, plain.tape.printed))
 
 
 def test_a_tick_can_fire_a_trigger(session: Any) -> None:
@@ -141,7 +143,7 @@ def test_a_slow_writer_detects_no_silence(session: Any) -> None:
 
 
 def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
-    """Also without traffic."""
+    """Also if there is no traffic."""
     watched = SinkWithTriggers("signal")
     watched.folder.notify_mark_request()
     watched.sink.tick(session.events[0].time_ns - 1)
@@ -206,8 +208,25 @@ class RotatedFiles:
 
     @property
     def marks(self) -> list[Marks]:
-        """Of each file, by name."""
+        """The marks of each file, by name."""
         return [marks(path) for path in sorted(self.path.glob("*.mcap"))]
+
+
+def test_the_index_knows_the_marks(tmp_path: Path, talk: Any) -> None:
+    """Those of the first and last mark of each file; also if it is rebuilt from the files."""
+    files = RotatedFiles(tmp_path, "1h", "refusal")
+    for _ in range(3):
+        talk.ask("run_program", b"x", REFUSED)
+    for event in talk.events:
+        files.sink.write(event)
+    files.sink.close()
+    times = [time_ns for time_ns, _ in files.marks[0]]
+    for _ in range(2):
+        index = RecordingIndex(tmp_path)
+        index.save()
+        (entry,) = index.entries.values()
+        assert (entry.first_mark_ns, entry.last_mark_ns) == (times[0], times[-1])
+        (tmp_path / FILE_NAME).unlink()
 
 
 def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:
@@ -216,6 +235,7 @@ def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:
     for number in range(3):
         talk.connection = f"{number}"
         talk.mark(A2C, Kind.OPENED)
+        talk.ask("get_status", None, "00")
         talk.time_ns += SECOND_NS
         talk.mark(A2C, Kind.CLOSED)
     for event in talk.events:
@@ -256,7 +276,7 @@ def test_a_file_with_only_a_mark_is_complete(tmp_path: Path, new_talk: Callable[
 
 
 def test_an_invalid_trigger() -> None:
-    """The error is raised before the recording."""
+    """The error is raised before the recording starts."""
     with pytest.raises(ValueError, match="'bang' is not a trigger"):
         SinkWithTriggers("bang")
 
@@ -275,9 +295,8 @@ def test_a_step_of_the_clock_is_no_silence(hours: int) -> None:
     """Whether a tick or an event comes first; a silence after the step is one."""
     for step_at_a_tick in (False, True):
         tape, clock_s = Tape(), {"wall": 10.0**6, "elapsed": 0.0}
-        clock = ClockWatch(
-            partial(_read_ns, clock_s, "wall"), partial(_read_ns, clock_s, "elapsed")
-        )
+        elapsed = partial(_read_ns, clock_s, "elapsed")
+        clock = ClockWatch(partial(_read_ns, clock_s, "wall"), elapsed, elapsed)
         marked = TriggerMarks([tape], {"silence:30s": parse_trigger("silence:30s")}, clock)
 
         def pass_s(seconds: float, step_s: float = 0, now: dict[str, float] = clock_s) -> int:

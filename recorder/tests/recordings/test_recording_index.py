@@ -86,7 +86,7 @@ def test_content_of_an_entry(recorded: Path, shift: list[WireEvent]) -> None:
 
 @pytest.mark.parametrize("table", [b"null\n{}\n", b'{"name": "x"', b"\xff\x00\n[1]\n"])
 def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes) -> None:
-    """From the files alone, with the same content."""
+    """The files are sufficient for an index with the same content."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).write_bytes(table)
     RecordingIndex(tmp_path).save()
@@ -95,7 +95,7 @@ def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes
 
 
 def test_a_deleted_index_is_rebuilt(recorded: Path, tmp_path: Path) -> None:
-    """Also if there never was one."""
+    """An index is also made if there never was one."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     (tmp_path / FILE_NAME).unlink()
     RecordingIndex(tmp_path).save()
@@ -111,11 +111,11 @@ def test_an_index_truncated_anywhere_is_rebuilt(
     second = "2026-11-20T23-58-37Z_line-3.mcap"
     shutil.copy(tmp_path / NAME, tmp_path / second)
     RecordingIndex(tmp_path).save()
-    whole = (tmp_path / FILE_NAME).read_bytes()
-    for size in (*range(whole.index(b"\n") + 1, len(whole), 97), len(whole) - 1):
-        (tmp_path / FILE_NAME).write_bytes(whole[:size])
+    complete = (tmp_path / FILE_NAME).read_bytes()
+    for size in (*range(complete.index(b"\n") + 1, len(complete), 97), len(complete) - 1):
+        (tmp_path / FILE_NAME).write_bytes(complete[:size])
         RecordingIndex(tmp_path).save()
-        assert (tmp_path / FILE_NAME).read_bytes() == whole
+        assert (tmp_path / FILE_NAME).read_bytes() == complete
 
 
 def test_a_correct_index_is_not_rewritten(recorded: Path) -> None:
@@ -143,6 +143,21 @@ def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
     assert {**entry, "notes": [], "size_bytes": 0} == {**before, "size_bytes": 0}
 
 
+def test_an_incomplete_rrd_file_is_noted(
+    recorded: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In the index and in the log."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    drawn = (tmp_path / NAME).with_suffix(".rrd")
+    drawn.write_bytes(drawn.read_bytes()[:-9])
+    (tmp_path / FILE_NAME).unlink()
+    RecordingIndex(tmp_path).save()
+    (entry,) = lines(tmp_path)
+    (note,) = entry["notes"]
+    assert note.startswith(f"{drawn} is incomplete: ")
+    assert caplog.messages == [f"{tmp_path / NAME}: {note}"]
+
+
 @pytest.mark.parametrize("free_bytes", [0, 10**6])
 def test_a_file_is_repaired_when_there_is_space(
     recorded: Path,
@@ -154,8 +169,8 @@ def test_a_file_is_repaired_when_there_is_space(
     """Too little space for this file does not delay other files."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     capture = tmp_path / NAME
-    torn = capture.read_bytes()[:-9]
-    capture.write_bytes(torn)
+    truncated = capture.read_bytes()[:-9]
+    capture.write_bytes(truncated)
     (tmp_path / FILE_NAME).unlink()
     with monkeypatch.context() as full:
         full.setattr(Path, "replace", refuse)
@@ -167,10 +182,11 @@ def test_a_file_is_repaired_when_there_is_space(
         else:
             with pytest.raises(OSError, match="No space left"):
                 index.repair()
-    assert capture.read_bytes() == torn
+    assert capture.read_bytes() == truncated
     index.repair()
-    assert not caplog.records[free_bytes > 0 :]
-    assert index.entries[NAME].notes
+    notes = [f"{capture}: {note}" for note in index.entries[NAME].notes]
+    assert notes
+    assert caplog.messages[free_bytes > 0 :] == notes
 
 
 def test_unreadable_files_are_listed(tmp_path: Path) -> None:
@@ -277,8 +293,8 @@ def test_a_full_disk_keeps_the_index(
 ) -> None:
     """It is replaced atomically."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
-    torn = (tmp_path / FILE_NAME).read_bytes() + b"torn"
-    (tmp_path / FILE_NAME).write_bytes(torn)
+    truncated = (tmp_path / FILE_NAME).read_bytes() + b"torn"
+    (tmp_path / FILE_NAME).write_bytes(truncated)
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -287,7 +303,7 @@ def test_a_full_disk_keeps_the_index(
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         index.save()
-    assert (tmp_path / FILE_NAME).read_bytes() == torn
+    assert (tmp_path / FILE_NAME).read_bytes() == truncated
 
 
 def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None:
@@ -304,7 +320,7 @@ def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None
 
 
 def test_file_names() -> None:
-    """UTC with seconds, and the robot."""
+    """The name has the time in UTC with seconds, and the robot."""
     time_ns = 1_795_219_199_999_999_999
     assert file_stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
     assert file_stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"

@@ -32,6 +32,22 @@ def unfinished(tmp_path: Path, shift: list[WireEvent]) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("content", "reported"),
+    [(b"", True), (b"RRF2 of scaraspec, torn", True), (b"of another program", False)],
+)
+def test_an_incomplete_rrd_file_is_reported(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, content: bytes, *, reported: bool
+) -> None:
+    """Beside a good recording; the recording remains."""
+    make(OutputFolder(tmp_path, [])).close()
+    (tmp_path / "capture.rrd").write_bytes(content)
+    sink_after_repair(OutputFolder(tmp_path, []), make=make).close()
+    capture = tmp_path / "capture.mcap"
+    expected = f"capture.rrd is incomplete: scaraspec recover {capture} writes it again"
+    assert [line.endswith(expected) for line in caplog.messages] == [True] * reported
+
+
 def test_the_start_waits_for_disk_space(
     unfinished: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

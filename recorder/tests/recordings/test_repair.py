@@ -58,17 +58,17 @@ def test_a_file_truncated_anywhere_keeps_every_tick(
     sizes = {*range(1, len(data), 41), *(size + d for size, _ in ticks for d in (-1, 0, 1))}
     for size in sorted(sizes):
         path.write_bytes(data[:size])
-        promised = max((count for at, count in ticks if at <= size), default=0)
+        expected = max((count for at, count in ticks if at <= size), default=0)
         try:
             report = repair(path)
         except CaptureError:
-            assert promised == 0
+            assert expected == 0
             assert path.stat().st_size == size
             broken_off += 1
             continue
         assert report.repaired
         assert report.notes
-        assert report.events >= promised
+        assert report.events >= expected
         back = read_mcap(path)
         assert list(back) == shift[: report.events]
         assert back.summary.intact
@@ -188,8 +188,8 @@ def test_a_full_disk_keeps_the_damaged_file(
     """It is replaced only after the repaired file is on the disk."""
     path = tmp_path / "capture.mcap"
     record(path, shift)
-    torn = path.read_bytes()[:-9]
-    path.write_bytes(torn)
+    truncated = path.read_bytes()[:-9]
+    path.write_bytes(truncated)
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -197,7 +197,7 @@ def test_a_full_disk_keeps_the_damaged_file(
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         repair(path)
-    assert path.read_bytes() == torn
+    assert path.read_bytes() == truncated
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -230,11 +230,11 @@ def test_sigkill_loses_at_most_one_tick(tmp_path: Path, ticks: int) -> None:
         [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, text=True
     ) as writer:
         assert writer.stdout
-        promised = [int(writer.stdout.readline()) for _ in range(ticks)][-1]
+        expected = [int(writer.stdout.readline()) for _ in range(ticks)][-1]
         writer.send_signal(signal.SIGKILL)
     report = repair(path)
     assert report.repaired
-    assert report.events >= promised
+    assert report.events >= expected
     back = read_mcap(path)
     assert [event.offset_bytes for event in back] == list(range(0, 4 * report.events, 4))
     assert back.summary.intact

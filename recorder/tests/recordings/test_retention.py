@@ -1,6 +1,7 @@
 """Retention removes the oldest complete recordings and notes each removal."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,20 +25,24 @@ class Disk:
     def __init__(self, folder: Path) -> None:
         self.index = RecordingIndex(folder)
         self.index.save()
-        self.free_bytes = 0
+        self.free_bytes = self.protect_ns = 0
 
-    def add(self, name: str, *, age_h: int, size_mb: int = 1) -> None:
+    def add(self, name: str, *, age_h: int, size_mb: int = 1, marked: bool = False) -> None:
         """Add a recording of two files that ended at this age."""
         end_ns = NOW_NS - age_h * HOUR_NS
         files = (f"{name}.mcap", f"{name}.rrd")
         for file in files:
             (self.index.folder / file).touch()
         begin_ns = end_ns - HOUR_NS
-        self.index.add(RecordingSummary(files[0], files, size_mb * MB, begin_ns, end_ns))
+        mark_ns = end_ns - 60 * SECOND_NS if marked else 0
+        entry = RecordingSummary(files[0], files, size_mb * MB, begin_ns, end_ns)
+        self.index.add(replace(entry, first_mark_ns=mark_ns, last_mark_ns=mark_ns))
 
     def enforce(self, keep: str = "", *, min_free_mb: int = 0, written_mb: int = 0) -> bool:
         limits = parse_limits(keep) if keep else Limits()
-        retention = Retention(self.index, limits, min_free_mb * MB, self._free)
+        retention = Retention(
+            self.index, limits, min_free_mb * MB, self._free, protect_ns=self.protect_ns
+        )
         return retention.enforce(NOW_NS, written_mb * MB)
 
     def _free(self) -> int:
@@ -70,8 +75,29 @@ def disk(tmp_path: Path) -> Disk:
     return disk
 
 
+def test_recordings_near_a_mark_are_protected(disk: Disk) -> None:
+    """The marked one and its neighbours are kept until the disk has no other recording."""
+    disk.add("d", age_h=120)
+    disk.add("e", age_h=119, marked=True)
+    disk.add("f", age_h=118)
+    disk.protect_ns = 5 * 60 * SECOND_NS
+    assert disk.enforce("1h,1MB")
+    assert disk.remaining == ["e", "f"]  # d ends 59 min before the mark
+    disk.add("g", age_h=1)
+    assert not disk.enforce(min_free_mb=5)
+    assert [name for name, _ in disk.removed[-3:]] == ["g.mcap", "e.mcap", "f.mcap"]
+
+
+def test_a_mark_in_the_open_file_protects_its_neighbours(disk: Disk) -> None:
+    """It is not in the index yet."""
+    disk.protect_ns = 24 * HOUR_NS
+    retention = Retention(disk.index, parse_limits("1h"), 0, lambda: 0, protect_ns=disk.protect_ns)
+    retention.enforce(NOW_NS, 0, [(NOW_NS, NOW_NS), (0, 0)])
+    assert disk.remaining == ["c"]
+
+
 def test_without_limits_all_is_kept(disk: Disk) -> None:
-    """The default."""
+    """All recordings are kept by default."""
     assert disk.enforce()
     assert disk.remaining == ["a", "b", "c"]
 
@@ -141,7 +167,7 @@ def test_after_a_step_of_the_clock_only_sizes_count(disk: Disk, hours: int) -> N
     """The ages of all recordings are unknown."""
     elapsed_ns = 5 * HOUR_NS
     wall_ns = [NOW_NS]
-    clock = ClockWatch(lambda: wall_ns[0], lambda: elapsed_ns)
+    clock = ClockWatch(lambda: wall_ns[0], lambda: elapsed_ns, lambda: elapsed_ns)
     retention = Retention(disk.index, parse_limits("4d,2MB"), 0, lambda: 0, clock)
     wall_ns[0] += hours * HOUR_NS
     for _ in range(2):

@@ -1,6 +1,7 @@
 """A recording in several files has the same bytes and findings as one in a single file."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,10 +129,10 @@ def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
 
 def test_a_single_file_causes_no_false_findings(shift: list[WireEvent]) -> None:
     """Wherever a file starts, its certain findings are findings of the whole recording."""
-    sure = {Verdict.FAIL, Verdict.TOLERATED}
-    there = {(f.requirement, f.evidence) for f in judge_all(shift) if f.verdict in sure}
+    certain = {Verdict.FAIL, Verdict.TOLERATED}
+    there = {(f.requirement, f.evidence) for f in judge_all(shift) if f.verdict in certain}
     for events in beginnings(shift, 11):
-        found = [f for f in judge_all(events) if f.verdict in sure]
+        found = [f for f in judge_all(events) if f.verdict in certain]
         assert {(f.requirement, f.evidence) for f in found} <= there
 
 
@@ -276,10 +277,10 @@ def test_rotation_by_size(tmp_path: Path, talk: Any, monkeypatch: pytest.MonkeyP
 def sessions(new_talk: Callable[..., Any]) -> Callable[..., list[list[WireEvent]]]:
     """Return short sessions at this distance in time."""
 
-    def make(count: int, apart_ns: int) -> list[list[WireEvent]]:
+    def make(count: int, interval_ns: int) -> list[list[WireEvent]]:
         talks = [new_talk(str(number)) for number in range(1, count + 1)]
         for number, talk in enumerate(talks):
-            talk.time_ns += number * apart_ns
+            talk.time_ns += number * interval_ns
             talk.mark(A2C, Kind.OPENED)
             talk.ask("login", b"password", reply=True)
             talk.mark(A2C, Kind.CLOSED)
@@ -305,22 +306,44 @@ def test_rotation_by_connection(
     assert [entry.exchanges for entry in index.entries.values()] == [2, 1]
 
 
-@pytest.mark.parametrize(("apart_ns", "files"), [(TICK_NS // 10, 10), (TICK_NS, 50)])
+@pytest.mark.parametrize(("interval_ns", "files"), [(TICK_NS // 10, 10), (TICK_NS, 50)])
 def test_short_connections_share_a_file(
-    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], apart_ns: int, files: int
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], interval_ns: int, files: int
 ) -> None:
-    """Otherwise many connections would delay the writing; also without ticks between them.
+    """A file for each of many short connections would delay the writing.
 
-    The first that ends a tick after its file began is the last in it.
+    The file ends with the first connection that ends at least a tick after its start.
     """
     sink = recorder(tmp_path, parse_rotation("connection"))
-    for session in sessions(100, apart_ns):
+    for session in sessions(100, interval_ns):
         for event in session:
             sink.write(event)
     sink.close()
     entries = RecordingIndex(tmp_path).entries.values()
     assert len(entries) == files
     assert sum(entry.connections for entry in entries) == 100
+
+
+def test_a_connection_without_bytes_needs_no_file(
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
+) -> None:
+    """A health check; but a client that could not reach the robot is recorded."""
+    sink = recorder(tmp_path, parse_rotation("connection"))
+    check, session, later, failed = sessions(4, 2 * TICK_NS)
+    begun, *rest, ended = session
+    unreachable = replace(failed[-1], kind=Kind.RESET, note="no connection: refused")
+    for event in (
+        *(check[0], check[-1], begun, later[0], *rest, later[-1], ended),
+        *(failed[0], unreachable),
+    ):
+        sink.write(event)
+        sink.tick(event.time_ns)
+    sink.close()
+    entries = list(RecordingIndex(tmp_path).entries.values())
+    assert [entry.connections for entry in entries] == [1, 1]
+    assert entries[0].a2c_bytes == sum(len(e.data) for e in session if e.direction is A2C)
+    events = [event for entry in entries for event in read_mcap(tmp_path / entry.name)]
+    assert [event.connection for event in events if event.kind is Kind.OPENED] == ["2", "4"]
 
 
 def test_a_recording_without_events(tmp_path: Path) -> None:
@@ -351,7 +374,7 @@ def test_invalid_rotation(text: str, sentence: str) -> None:
 
 
 def test_parse_rotation() -> None:
-    """By time, by size, by both, by connection."""
+    """The text names a time, a size, both, or `connection`."""
     assert parse_rotation("1h") == RotationPolicy(Limits(3600 * SECOND_NS))
     assert parse_rotation("512MB,1h") == RotationPolicy(Limits(3600 * SECOND_NS, 512_000_000))
     assert parse_rotation("connection") == RotationPolicy(each_connection=True)

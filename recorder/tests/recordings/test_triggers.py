@@ -26,11 +26,11 @@ def reply(name: str, data: bytes) -> bytes:
 def feed(watcher: Trigger, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
     """Return the reasons each time that the trigger fires."""
     judge = judge or Judge()
-    said = []
+    reported = []
     for event in events:
-        said.append(watcher.on_event(event))
-        said += [watcher.on_item(item) for item in judge.feed(event)]
-    return [why for why in said if why]
+        reported.append(watcher.on_event(event))
+        reported += [watcher.on_item(item) for item in judge.feed(event)]
+    return [why for why in reported if why]
 
 
 def fires(text: str, events: Iterable[WireEvent]) -> list[str]:
@@ -104,10 +104,10 @@ def test_malformed(session: Any) -> None:
 
 def test_a_frame_next_to_a_gap_is_not_malformed(session: Any) -> None:
     """The recording lost a part of it."""
-    whole = reply("get_status", b"00")
-    session.send(C2A, whole[:2])
+    complete = reply("get_status", b"00")
+    session.send(C2A, complete[:2])
     session.mark(C2A, Kind.GAP, "overflow", length=2)
-    session.send(C2A, whole[4:])
+    session.send(C2A, complete[4:])
     session.ask("get_status", None, "00")
     assert fires("malformed", session.events) == []
 
@@ -120,6 +120,16 @@ def test_disconnect(session: Any, kind: Kind) -> None:
     assert fires("disconnect", session.events) == [f"connection 1 {kind.value}"]
 
 
+def test_gap(talk: Any) -> None:
+    """Its length is given if it is known."""
+    talk.mark(C2A, Kind.GAP, "overflow", length=37)
+    talk.mark(A2C, Kind.GAP, "restart", length=-1)
+    assert fires("gap", talk.events) == [
+        "connection 1: 37 bytes are not recorded: overflow",
+        "connection 1: an unknown number of bytes are not recorded: restart",
+    ]
+
+
 def test_the_end_of_the_recording_is_not_a_disconnect(session: Any) -> None:
     """Open connections are closed after gaps of unknown length."""
     for direction in (A2C, C2A):
@@ -129,7 +139,7 @@ def test_the_end_of_the_recording_is_not_a_disconnect(session: Any) -> None:
 
 
 def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
-    """At a tick, for every open connection."""
+    """Silence is detected at a tick, for every open connection."""
     watcher = parse_trigger("silence:30s")
     feed(watcher, session.events)
     quiet_ns = session.time_ns
@@ -161,7 +171,7 @@ def test_a_late_opened_event_is_not_silence(talk: Any) -> None:
 
 
 def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
-    """From the last byte of the request to the first byte of the reply."""
+    """The latency is from the last byte of the request to the first byte of the reply."""
     session.ask("get_status", None, "00")
     session.ask("get_status")
     session.send(C2A, reply("get_status", b"00"), after_s=0.6)
@@ -172,13 +182,13 @@ def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
 def test_a_missing_reply_fires_at_a_tick(session: Any) -> None:
     """The reply does not fire again."""
     session.ask("get_status")
-    asked_ns = session.time_ns
+    request_ns = session.time_ns
     session.send(C2A, reply("get_status", b"00"), after_s=0.9)
     watcher, judge = parse_trigger("late:500ms"), Judge()
     assert feed(watcher, session.events[:-1], judge) == []
-    assert watcher.on_time(asked_ns + 500_000_000) == ""
-    assert watcher.on_time(asked_ns + 750_000_000) == "get_status not answered for 750 ms"
-    assert watcher.on_time(asked_ns + 800_000_000) == ""
+    assert watcher.on_time(request_ns + 500_000_000) == ""
+    assert watcher.on_time(request_ns + 750_000_000) == "get_status not answered for 750 ms"
+    assert watcher.on_time(request_ns + 800_000_000) == ""
     assert feed(watcher, session.events[-1:], judge) == []
 
 
@@ -193,7 +203,7 @@ def test_a_reply_hidden_by_a_gap_is_not_late(session: Any) -> None:
 
 
 def test_a_signal_fires_at_the_next_tick() -> None:
-    """Once for each request."""
+    """The trigger fires once for each request."""
     watcher = parse_trigger("signal")
     assert isinstance(watcher, UserTrigger)
     assert watcher.on_time(1) == ""

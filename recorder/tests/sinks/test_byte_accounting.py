@@ -1,4 +1,4 @@
-"""The byte accounts in a file are compared with its content."""
+"""The byte counts in a file are compared with its content."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,22 +19,25 @@ def read(path: Path) -> McapSummary:
     return capture.summary
 
 
-def write_recording(path: Path, events: list[WireEvent], lie: WireEvent | None = None) -> Path:
-    """Write a recording; `lie` is only in its accounts, not in the raw layer."""
+def write_recording(
+    path: Path, events: list[WireEvent], false_event: WireEvent | None = None
+) -> Path:
+    """Write a recording; `false_event` is only in its byte counts, not in the raw layer."""
     sink = McapSink(path.open("wb"))
     for number, event in enumerate(events):
         sink.write(event)
         if number % 40 == 0:
             sink.tick(event.time_ns)
-    if lie:
-        sink._byte_accounting.add(lie)
+    if false_event:
+        sink._byte_accounting.add(false_event)
     sink.close({})
     return path
 
 
 @pytest.mark.parametrize("count", [1, 50, None])
 def test_correct_accounts(shift: list[WireEvent], tmp_path: Path, count: int | None) -> None:
-    """Of ended streams, and of streams that are open at the end of the file."""
+    """The counts are right for ended streams and for streams that are open at the end of the
+    file."""
     summary = read(write_recording(tmp_path / "a.mcap", shift[:count]))
     assert (summary.wrong_accounts, summary.notes) == (0, [])
 
@@ -51,15 +54,15 @@ def test_wrong_accounts(
     shift: list[WireEvent], tmp_path: Path, change: Callable[[WireEvent], WireEvent]
 ) -> None:
     """Different bytes, a missing gap or a missing stream cause a note."""
-    lie = change(next(event for event in reversed(shift[:60]) if event.kind is Kind.BYTES))
-    summary = read(write_recording(tmp_path / "a.mcap", shift[:60], lie))
+    false_event = change(next(event for event in reversed(shift[:60]) if event.kind is Kind.BYTES))
+    summary = read(write_recording(tmp_path / "a.mcap", shift[:60], false_event))
     assert summary.wrong_accounts == 1
     (note,) = summary.notes
     assert note.startswith("1 streams are not what the file's own accounts say of them")
 
 
 def test_a_truncated_file_has_no_wrong_accounts(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Its last accounts were not written; the only note is that it is truncated."""
+    """The last counts were not written; the only note is that the file is truncated."""
     path = write_recording(tmp_path / "a.mcap", shift[:100])
     path.write_bytes(path.read_bytes()[:-2000])
     summary = read(path)

@@ -32,9 +32,9 @@ def test_recordings_are_own_files(capture: Path, tmp_path: Path) -> None:
     """Also a file whose end is missing, and an optimized one."""
     for name in ("capture.mcap", "capture.rrd"):
         assert is_own(capture / name)
-        torn = tmp_path / name
-        torn.write_bytes((capture / name).read_bytes()[:256])
-        assert is_own(torn)
+        truncated = tmp_path / name
+        truncated.write_bytes((capture / name).read_bytes()[:256])
+        assert is_own(truncated)
     drawn = tmp_path / "capture.rrd"
     drawn.write_bytes((capture / "capture.rrd").read_bytes())
     assert optimize(drawn)

@@ -1,4 +1,4 @@
-"""A recording written as packets gives the same recording when it is read."""
+"""A recording that is written as packets gives the same recording when it is read."""
 
 import io
 from collections import defaultdict
@@ -87,7 +87,7 @@ def test_bytes_and_gaps_are_kept(
 def test_events_are_kept(shift: list[WireEvent], tmp_path: Path) -> None:
     """Times, directions and kinds; each event with bytes is one packet."""
 
-    def told(events: list[WireEvent]) -> list[tuple[object, ...]]:
+    def printed(events: list[WireEvent]) -> list[tuple[object, ...]]:
         return [
             (e.time_ns, e.connection, e.direction, e.kind, e.data)
             for e in events
@@ -95,7 +95,7 @@ def test_events_are_kept(shift: list[WireEvent], tmp_path: Path) -> None:
         ]
 
     found = write_and_read(shift, tmp_path / "out.pcapng")
-    assert told(found)[:-1] == told(shift)[:-1]
+    assert printed(found)[:-1] == printed(shift)[:-1]
     assert found[-1].kind is Kind.CLOSED
     assert found[0].note == "192.168.1.20:51234 → 192.168.1.2:8877"
 

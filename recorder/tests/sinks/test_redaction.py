@@ -16,7 +16,7 @@ from scaraspec_recorder.sinks.redaction import MASKED_NOTE, Redactor
 
 LOGIN = Frame(A2C, 0x01, b"open sesame").encode()
 CHANGE = Frame(A2C, 0x03, b"open sesame|hocus pocus").encode()
-# Data that looks like the head of a login; it is in a frame, and no password.
+# Data that looks like the start of a login, but is inside a frame and no password.
 DECOY = Frame(A2C, 0x52, b"\xaa\x01\x05hello\xcc\x01\x03").encode()
 STATUS = Frame(A2C, 0x09).encode()
 

@@ -17,7 +17,7 @@ from scaraspec_recorder.sinks.sink_runner import (
     note_removal,
 )
 from scaraspec_recorder.spool.event_builder import ByteCounts
-from scaraspec_recorder.spool.records import ControlRecord, stream_number
+from scaraspec_recorder.spool.records import ControlRecord, stream_number, unforwarded_record
 from scaraspec_recorder.spool.spool import (
     SpoolReader,
     SpoolWriter,
@@ -116,7 +116,7 @@ class Bench:
         self.writer.flush()
 
     def runner(self, *sinks: RecordingSink) -> SinkRunner:
-        """Return a new runner; the one before is dead."""
+        """Return a new runner; the previous one has been killed."""
         for reader in self.readers:
             reader.close()
         self.readers = [SpoolReader(self.spool)]
@@ -124,7 +124,7 @@ class Bench:
         return SinkRunner(self.readers[0], self.out_dir, makes, now_ns=lambda: self.now_ns)
 
     def tick(self, runner: SinkRunner) -> None:
-        """Let the scribe take everything, a quarter of a second later."""
+        """Let the runner process everything, a quarter of a second later."""
         self.now_ns += TICK_NS
         while runner.step():
             pass
@@ -162,10 +162,29 @@ def test_all_events_of_a_connection(bench: Bench) -> None:
     assert runner.progress == Progress(1, ByteCounts(3), ByteCounts(2))
 
 
+def test_a_pending_connection_and_what_it_does_not_forward(bench: Bench) -> None:
+    """The time since the client waits is known; the bytes are counted and noted at the end."""
+    sink = RecordingSink()
+    runner = bench.runner(sink)
+    for number in (1, 2):
+        bench.put(Kind.OPENED, stream_number(number, A2C), payload=b"a > b")
+    runner.step()
+    assert runner.progress.connecting_since_ns == 1_000
+    bench.put(ControlRecord.CONNECTED, stream_number(1, C2A))
+    bench.writer.append(*unforwarded_record(stream_number(2, A2C), 2_000, 5, "too early"))
+    bench.put(Kind.RESET, stream_number(2, C2A), payload=b"no connection: timed out")
+    runner.step()
+    assert runner.progress.connecting_since_ns == 0
+    assert runner.progress.a2c.unforwarded_bytes == {"too early": 5}
+    assert runner.progress.unreached == "timed out"
+    dropped = "not forwarded from the client: 5 bytes, too early"
+    assert sink.events[-1].note == f"no connection: timed out; {dropped}"
+
+
 def test_an_unreachable_robot_is_known_until_it_sends(
     bench: Bench,
 ) -> None:
-    """Also in the next runner."""
+    """The next runner also knows it."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
     bench.tick(bench.runner(RecordingSink()))
@@ -447,7 +466,7 @@ def test_counts_start_again_after_a_finished_recording(bench: Bench) -> None:
     assert bench.runner(RecordingSink()).progress == Progress()
 
 
-def test_ended_connections_are_forgotten(bench: Bench) -> None:
+def test_ended_connections_are_not_kept(bench: Bench) -> None:
     """Weeks of short connections leave no state in memory or in the checkpoint."""
     runner = bench.runner(RecordingSink())
     for number in range(1, 200):
@@ -470,7 +489,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_reopened_connections_have_the_time_of_the_next_event(bench: Bench) -> None:
-    """However late the next runner starts."""
+    """The time does not depend on when the next runner starts."""
     sink = RecordingSink()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.tick(bench.runner())

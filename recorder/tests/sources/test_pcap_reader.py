@@ -160,12 +160,12 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def scapy_log() -> Iterator[list[str]]:
     """Collect the log messages of scapy."""
-    said: list[str] = []
+    reported: list[str] = []
     handler = logging.Handler()
-    handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
+    handler.emit = lambda record: reported.append(record.getMessage())  # type: ignore[method-assign]  # a handler of one line
     logger = logging.getLogger("scapy")
     logger.addHandler(handler)
-    yield said
+    yield reported
     logger.removeHandler(handler)
 
 
@@ -190,9 +190,9 @@ OVER_IPV6 = expected("[2001:db8::1]:50000 → [2001:db8::2]:8877")
 
 
 def ip6_with_extensions(*, from_client: bool) -> Packet:
-    whole = IPv6ExtHdrFragment(offset=0, m=0, res2=3, nh=51)
+    complete = IPv6ExtHdrFragment(offset=0, m=0, res2=3, nh=51)
     authentication = Raw(bytes([6, 4]) + bytes(22))  # then TCP; 24 bytes, counted as words less 2
-    return ip6(from_client=from_client) / IPv6ExtHdrHopByHop() / whole / authentication
+    return ip6(from_client=from_client) / IPv6ExtHdrHopByHop() / complete / authentication
 
 
 def outer_ip(protocol: int) -> Packet:
@@ -236,8 +236,8 @@ def test_encapsulations(path: Path, wrap: Callable[[Packet], Packet]) -> None:
         assert events_of(path, pcap(packets)) == events
 
 
-def test_what_is_not_decoded_is_counted(path: Path) -> None:
-    """Its name is that of the tunnel or of the link type."""
+def test_packets_that_are_not_decoded_are_counted(path: Path) -> None:
+    """The note has the name of the tunnel or of the link type."""
     mirrored = [
         bytes(outer_ip(47) / GRE(proto=0x88BE) / Raw(bytes(ether(packet))))
         for packet in conversation()
@@ -295,7 +295,7 @@ def test_raw_ip_of_one_version(path: Path, link_type: int) -> None:
 def test_pcap_files(
     path: Path, order: str, per_second: int, compress: Callable[[bytes], bytes]
 ) -> None:
-    """Both byte orders and both resolutions of pcap, plain and compressed."""
+    """Files with both byte orders and both resolutions are read, plain and compressed."""
     content = pcap(frames(conversation()), order=order, per_second=per_second)
     resolution_ns = 10**9 // per_second
     addresses = OVER_IPV4[0].note
@@ -304,7 +304,7 @@ def test_pcap_files(
 
 @pytest.mark.parametrize("order", ["<", ">"], ids=["little", "big"])
 def test_pcapng_files(path: Path, order: str) -> None:
-    """Both byte orders of pcapng."""
+    """Files with both byte orders are read."""
     assert events_of(path, pcapng(frames(conversation()), order)) == OVER_IPV4
 
 
@@ -397,8 +397,8 @@ def test_a_short_snap_length_causes_gaps(path: Path) -> None:
     """Truncated bytes become gaps of the right length, and are noted."""
     path.write_bytes(pcap(frames(conversation()), cut_bytes=14 + 20 + 20 + 1))
     capture = read_pcap(path)
-    told = [(event.kind, event.data, event.length_bytes) for event in capture]
-    assert told[1:5] == [
+    printed = [(event.kind, event.data, event.length_bytes) for event in capture]
+    assert printed[1:5] == [
         (Kind.BYTES, REQUEST[:1], 0),
         (Kind.GAP, b"", 3),
         (Kind.BYTES, REPLY[:1], 0),
@@ -423,7 +423,8 @@ def test_link_checksums_are_ignored(path: Path) -> None:
 def test_huge_times(path: Path) -> None:
     """They are limited to 64 bits."""
     content = section() + interface(resolution=0)
-    content += enhanced_packet(frames(conversation())[0], 0)  # nanoseconds, told as seconds
+    # The time is in nanoseconds, but the unit is seconds.
+    content += enhanced_packet(frames(conversation())[0], 0)
     (event,) = events_of(path, content)
     assert event.time_ns == 2**63 - 1
 
@@ -572,15 +573,15 @@ def test_a_truncated_file(
         path.write_bytes(content[:length])
         capture = read_pcap(path)
         list(capture)
-        whole = sum(end <= length for end in ends) - 1
-        assert capture.summary.packets == whole
-        note = f"the file is damaged at byte {ends[whole]}: later packets were not read"
+        complete = sum(end <= length for end in ends) - 1
+        assert capture.summary.packets == complete
+        note = f"the file is damaged at byte {ends[complete]}: later packets were not read"
         assert (note in capture.summary.notes) == (length not in ends)
     assert scapy_log == []
 
 
 def test_a_truncated_zstd_file(path: Path) -> None:
-    """It is not whole; two compressed frames are one file."""
+    """The file is reported as incomplete; two compressed frames are one file."""
     content = pcap(frames(conversation()) * 500)
     packed = zstandard.compress(content[:200_000]) + zstandard.compress(content[200_000:])
     path.write_bytes(packed)
@@ -594,7 +595,7 @@ def test_a_truncated_zstd_file(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "says"),
+    ("head", "message"),
     [
         (bytes.fromhex("34cdb2a1"), "is a modified pcap file: convert it with editcap -F pcapng"),
         (b"snoop\0\0\0", "is a snoop file: convert it with editcap"),
@@ -604,10 +605,10 @@ def test_a_truncated_zstd_file(path: Path) -> None:
         (gzip.compress(b"\x89MCAP0\r\n" + bytes(9), mtime=0), "decompress it with gzip -dk"),
     ],
 )
-def test_other_formats_are_named(path: Path, head: bytes, says: str) -> None:
+def test_other_formats_are_named(path: Path, head: bytes, message: str) -> None:
     """The message has the command that converts the file."""
     path.write_bytes(head + bytes(100))
-    with pytest.raises(CaptureError, match=says):
+    with pytest.raises(CaptureError, match=message):
         read_pcap(path)
 
 
@@ -631,7 +632,7 @@ def test_a_huge_record_length(path: Path) -> None:
         capture = read_pcap(path)
         assert list(capture) == OVER_IPV4
         assert "is damaged" in capture.summary.notes[0]
-    source = _Source(io.BytesIO(b"?"))
+    source = _Source(file := io.BytesIO(b"?"), file)
     assert source.read(_MAX_RECORD_BYTES + 1) == b""
     assert source.read(_MAX_RECORD_BYTES) == b"?"
 
@@ -673,20 +674,20 @@ def test_missing_scapy(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(refusal.value) == "reading pcap files needs scapy: pip install 'scaraspec[pcap]'"
 
 
-WHOLE_FILES = [pcap(frames(conversation())), pcapng(frames(conversation()))]
+COMPLETE_FILES = [pcap(frames(conversation())), pcapng(frames(conversation()))]
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the file is overwritten
 @given(
-    whole=st.sampled_from(WHOLE_FILES),
+    whole=st.sampled_from(COMPLETE_FILES),
     damage=st.lists(st.tuples(st.integers(0, 1000), st.binary(max_size=4)), min_size=1, max_size=5),
     port=st.sampled_from([8877, None]),
 )
 def test_any_damage(
-    path: Path, whole: bytes, damage: list[tuple[int, bytes]], port: int | None
+    path: Path, complete: bytes, damage: list[tuple[int, bytes]], port: int | None
 ) -> None:
     """With any wrong bytes, a file is read up to the damage or refused in one sentence."""
-    content = bytearray(whole)
+    content = bytearray(complete)
     for at, replacement in damage:
         content[at : at + 4] = replacement
     path.write_bytes(content)

@@ -264,7 +264,7 @@ def test_an_acknowledged_byte_may_be_late() -> None:
     ]
 
 
-def test_only_acknowledged_bytes_are_given_up() -> None:
+def test_only_acknowledged_bytes_become_gaps() -> None:
     """Other bytes will be sent again, so the reassembler waits for them."""
     reassembler = Reassembler(limits=Limits(late_segments=3))
     segments = [
@@ -282,7 +282,7 @@ def test_only_acknowledged_bytes_are_given_up() -> None:
     check_order(events)
 
 
-def test_bytes_acknowledged_later_are_given_up_later() -> None:
+def test_bytes_acknowledged_later_become_gaps_later() -> None:
     """They have their own limit of late segments."""
     reassembler = Reassembler(limits=Limits(late_segments=2))
     segments = [
@@ -374,7 +374,7 @@ def test_sequence_numbers_wrap() -> None:
 
 
 def test_a_reply_that_acknowledges_a_fin_precedes_the_reset() -> None:
-    """It has its own time, also while another connection waits for missing bytes."""
+    """The reply has its own time, also while another connection waits for missing bytes."""
     other = Endpoint(CLIENT.address, CLIENT.port + 1)
     missing = [segment._replace(src=other) for segment in (a2c(1, -1, flags=SYN), a2c(1, 4, b"x"))]
     events = run(
@@ -608,8 +608,8 @@ def test_several_connections_are_in_the_order_of_time() -> None:
     assert events[1].note == "[::1]:50001 → [::2]:8877"
 
 
-def test_the_longest_silent_connection_is_given_up_beyond_the_limit() -> None:
-    """The number of connections is bounded; all bytes of the given-up one are delivered."""
+def test_the_longest_silent_connection_is_dropped_at_the_limit() -> None:
+    """The number of connections is limited; all bytes of the dropped one are delivered."""
     reassembler = Reassembler(limits=Limits(connections=2))
     others = [Endpoint(CLIENT.address, port) for port in (1, 2)]
     segments = [

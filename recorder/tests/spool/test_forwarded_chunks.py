@@ -25,14 +25,14 @@ def forwarded(event: WireEvent, forwarded_ns: int) -> ForwardedChunk:
 
 def latencies(events: Sequence[WireEvent]) -> list[Latency | None]:
     """Return the latency of each exchange."""
-    told, judge, found = LatencyTracker(), Judge(needs_login=False), []
+    printed, judge, found = LatencyTracker(), Judge(needs_login=False), []
     for event in events:
-        told.write(event)
+        printed.write(event)
         for item in judge.feed(event):
             if isinstance(item, FrameSeen):
-                told.frame(item)
+                printed.frame(item)
             elif isinstance(item, Exchange):
-                found.append(told.exchange(item))
+                found.append(printed.exchange(item))
     return found
 
 
@@ -68,17 +68,17 @@ def test_no_latency_without_both_forwarding_times(exchange: list[WireEvent]) -> 
     assert latencies([forwarded(request, 0), forwarded(reply, reply.time_ns)]) == [None]
 
 
-def test_frames_without_an_exchange_are_forgotten(talk: Any) -> None:
+def test_frames_without_an_exchange_are_not_kept(talk: Any) -> None:
     """Unsolicited frames do not fill the memory."""
-    told, judge = LatencyTracker(), Judge(needs_login=False)
+    printed, judge = LatencyTracker(), Judge(needs_login=False)
     for _ in range(10_000):
         talk.send(C2A, Frame(C2A, 0x09, b"00").encode())
     for event in talk.events:
-        told.write(forwarded(event, event.time_ns))
+        printed.write(forwarded(event, event.time_ns))
         for item in judge.feed(event):
             if isinstance(item, FrameSeen):
-                told.frame(item)
-    assert len(told._chunks) <= 5000
+                printed.frame(item)
+    assert len(printed._chunks) <= 5000
 
 
 def test_redaction_keeps_forwarding_times(passed: list[WireEvent]) -> None:

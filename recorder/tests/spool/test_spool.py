@@ -195,13 +195,13 @@ def newest(directory: Path) -> Path:
 
 def test_a_truncated_block_at_the_end(tmp_path: Path) -> None:
     """A writer is killed during a write: earlier records and later writers are read."""
-    whole = Bench(tmp_path / "whole")
-    whole.send(b"first")
-    whole.writer.flush()
-    kept_bytes = newest(whole.directory).stat().st_size
-    whole.send(b"second")
-    whole.writer.close()
-    content = newest(whole.directory).read_bytes()
+    complete = Bench(tmp_path / "whole")
+    complete.send(b"first")
+    complete.writer.flush()
+    kept_bytes = newest(complete.directory).stat().st_size
+    complete.send(b"second")
+    complete.writer.close()
+    content = newest(complete.directory).read_bytes()
     for size in range(kept_bytes, len(content)):
         directory = tmp_path / str(size)
         directory.mkdir()
@@ -256,7 +256,7 @@ def test_a_full_disk_makes_gaps_for_all_bytes(bench: Bench) -> None:
         bench.writer.flush()
     bench.timer.fire()
     bench.disk.refuses = False
-    bench.send(b"more")  # still dropped: what is owed comes first
+    bench.send(b"more")  # still dropped: the gap must be written first
     bench.timer.fire()
     bench.send(b"after")
     bench.send(b"after", OTHER)
@@ -270,7 +270,7 @@ def test_a_full_disk_makes_gaps_for_all_bytes(bench: Bench) -> None:
         (Kind.BYTES, 150, 5),
     ]
     assert [r.note for r in records if r.kind is Kind.GAP] == ["No space left on device"] * 2
-    assert records[2].time_ns == 103  # when its first byte passed
+    assert records[2].time_ns == 103  # the time of its first byte
 
 
 def test_connection_events_are_kept(bench: Bench) -> None:
@@ -385,7 +385,8 @@ def test_a_gap_is_written_at_the_end(tmp_path: Path) -> None:
 
 
 def test_pending_records_are_bounded(bench: Bench) -> None:
-    """Many openings while the disk refuses: one RESTART record replaces them."""
+    """If many connections are opened while the disk is full, one RESTART record replaces their
+    records."""
     bench.disk.refuses = True
     for number in range(1, 30_000):
         bench.writer.append(Kind.OPENED, stream_number(number, A2C), 1, 0)

@@ -1,4 +1,4 @@
-"""Drawing processes for tests: they must be importable there, as no fixture is."""
+"""Drawing processes for tests: a process must be able to import them, unlike a fixture."""
 
 import pickle
 import threading
@@ -17,9 +17,9 @@ def collect(line: Connection, path: Path) -> None:
 
 
 def hang(_line: Connection) -> None:
-    """Take nothing, and never end."""
+    """Take no events, and never end."""
     threading.Event().wait()
 
 
 def die(_line: Connection) -> None:
-    """End at once."""
+    """End immediately."""

@@ -1,4 +1,4 @@
-"""A child for tests that fails: it must be importable in its process, as no fixture is."""
+"""A child process that fails, for tests: it must be importable, unlike a fixture."""
 
 import socket
 import sys
@@ -8,9 +8,9 @@ from pathlib import Path
 from scaraspec_recorder.child_process import REPORTED_EXIT_STATUS
 
 
-def fail_once(lives: Path, _line: socket.socket) -> None:
-    """Say why, and leave a thread that never ends; all is well the next time."""
-    if not lives.exists():
-        lives.touch()
+def fail_once(marker: Path, _line: socket.socket) -> None:
+    """Report the reason, and leave a thread that never ends; the next call succeeds."""
+    if not marker.exists():
+        marker.touch()
         threading.Thread(target=threading.Event().wait).start()
         sys.exit(REPORTED_EXIT_STATUS)

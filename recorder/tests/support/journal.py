@@ -1,6 +1,6 @@
-"""A sink for tests that start processes: it must be importable there, as no fixture is.
+"""A sink for tests that start processes: it must be importable, unlike a fixture.
 
-Writes events as JSON lines. `Trouble` is a sink that has it.
+It writes events as JSON lines. `Trouble` is a sink whose disk can be full.
 """
 
 import errno
@@ -37,7 +37,7 @@ class Journal:
 
 
 class Trouble(Journal):
-    """A journal on a disk that refuses as long as a file named `full` is there."""
+    """A journal whose disk is full as long as a file named `full` exists."""
 
     def __init__(self, folder: OutputFolder) -> None:
         super().__init__(folder)
@@ -58,7 +58,7 @@ class Trouble(Journal):
 
 
 def lines(out_dir: Path) -> list[list[Any]]:
-    """All whole lines of all journals, in the order in which the journals were begun."""
+    """All complete lines of all journals, in the order of their creation."""
     journals = sorted(out_dir.glob("journal*.jsonl"), key=lambda path: (len(path.name), path.name))
     text = "".join(path.read_text() for path in journals)
     return [json.loads(line) for line in text.splitlines() if line.endswith("]")]

@@ -1,6 +1,6 @@
-"""A sink that keeps the accounts and no bytes, for streams that are too long to keep.
+"""A sink that keeps byte counts and hashes, for streams that are too long to keep.
 
-Importable in the processes of a recorder, as no fixture is.
+It is importable in the processes of a recorder, unlike a fixture.
 """
 
 import json

@@ -32,7 +32,7 @@ class Recipe:
 
 
 def recipe(mode: Mode, controller: str = "192.168.1.2") -> Recipe:
-    """Return the recipe of a mode, with the address of the controller put in."""
+    """Return the recipe of a mode, with the address of the controller."""
     if mode is Mode.EXPLICIT:
         return Recipe("", "", "", "", "")
     _, _, section = PAGE.read_text("utf-8").partition(f"\n## {_TITLES[mode]}\n")

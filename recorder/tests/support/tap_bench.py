@@ -23,7 +23,7 @@ class Bench:
 
     def __init__(self, route: Any = None, connect: Connect | None = None) -> None:
         self.records: list[Record] = []
-        self.told = asyncio.Event()
+        self.printed = asyncio.Event()
         self.server = tcp.listen("127.0.0.1", 0)
         self.server.settimeout(0)
         listener = tcp.listen("127.0.0.1", 0)
@@ -56,10 +56,10 @@ class Bench:
 
     def take(self, *fields: Any) -> None:
         self.records.append(Record(*fields))
-        self.told.set()
+        self.printed.set()
 
     async def client(self) -> socket.socket:
-        """A client that is connected to the tap."""
+        """Return a client that is connected to the tap."""
         sock = socket.socket()
         sock.settimeout(0)
         self._sockets.append(sock)
@@ -67,7 +67,7 @@ class Bench:
         return sock
 
     async def accept(self) -> socket.socket:
-        """The server's socket of the tap's connection."""
+        """Return the server's socket of the tap's connection."""
         sock, _ = await asyncio.get_running_loop().sock_accept(self.server)
         self._sockets.append(sock)
         return sock
@@ -77,13 +77,13 @@ class Bench:
         return client, await self.accept()
 
     async def until(self, kind: Kind) -> Record:
-        """The first record of this kind."""
+        """Wait for the first record of this kind."""
         while True:
             for record in self.records:
                 if record.kind is kind:
                     return record
-            self.told.clear()
-            await self.told.wait()
+            self.printed.clear()
+            await self.printed.wait()
 
     def stream(self, direction: Direction) -> bytes:
         """Return the recorded bytes of a direction; check that they are contiguous."""
@@ -96,11 +96,12 @@ class Bench:
 
     def story(self) -> list[tuple[Kind | ControlRecord, Direction]]:
         """Return kind and direction of the records without bytes."""
-        return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
+        others = (Kind.BYTES, ControlRecord.CONNECTED)
+        return [(r.kind, r.direction) for r in self.records if r.kind not in others]
 
 
 def run_on(loop: str, test: Callable[[], Awaitable[None]]) -> None:
-    """Run a test's coroutine on an event loop of this name, for a bounded time."""
+    """Run the coroutine of a test on an event loop of this type, with a timeout."""
     factory = tap_module.new_event_loop if loop == "uvloop" else asyncio.new_event_loop
     with asyncio.Runner(loop_factory=factory) as runner:
         runner.run(asyncio.wait_for(test(), TIMEOUT_S))

@@ -32,7 +32,7 @@ from scaraspec_recorder.tap.tap import Tap
 pytest.importorskip("serial")
 
 TIMEOUT_S = 20
-EVERY_BYTE = bytes(range(256))  # with all that a terminal would swallow, echo or translate
+EVERY_BYTE = bytes(range(256))  # raw mode: a terminal would drop, echo or translate some bytes
 
 
 class Pty:
@@ -40,7 +40,7 @@ class Pty:
 
     def __init__(self, name: Path) -> None:
         self.descriptor, self._device = os.openpty()
-        tty.setraw(self._device)  # from the beginning, as a cable is
+        tty.setraw(self._device)  # raw from the beginning, like a cable
         name.unlink(missing_ok=True)
         name.symlink_to(os.ttyname(self._device))
         self.address = Serial(str(name), 115_200)
@@ -83,7 +83,7 @@ class Bench:
 
     def __init__(self, route: Any) -> None:
         self.records: list[Record] = []
-        self._told = asyncio.Event()
+        self._received = asyncio.Event()
         self._listener = route.listen("127.0.0.1", 0)
         self._writers: list[StreamWriter] = []
         self._tap = Tap(route, self._take)
@@ -95,13 +95,13 @@ class Bench:
     async def __aexit__(self, *_: object) -> None:
         for writer in self._writers:
             writer.close()
-            with suppress(ConnectionError):  # a test or the tap has cut it off
+            with suppress(ConnectionError):  # a test or the tap has closed it
                 await writer.wait_closed()
         await self._tap.stop()
 
     def _take(self, *fields: Any) -> None:
         self.records.append(Record(*fields))
-        self._told.set()
+        self._received.set()
 
     async def connect(self) -> tuple[StreamReader, StreamWriter]:
         reader, writer = await open_connection(*self._listener.getsockname())
@@ -109,13 +109,13 @@ class Bench:
         return reader, writer
 
     async def wait_until(self, kind: Kind) -> Record:
-        """Wait for another process; the timeout of the test applies."""
+        """Wait for the first record of this kind."""
         while True:
             for each in self.records:
                 if each.kind is kind:
                     return each
-            self._told.clear()
-            await self._told.wait()
+            self._received.clear()
+            await self._received.wait()
 
     def stream(self, direction: Direction) -> bytes:
         pieces = [
@@ -129,7 +129,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
 
 
 async def wait_until(condition: Callable[[], Any]) -> None:
-    """Wait for what another process does; the test's time-out bounds it."""
+    """Wait for another process; the timeout of the test applies."""
     while not condition():
         await to_thread(select.select, [], [], [], 0.01)
 
@@ -148,7 +148,7 @@ def reset(writer: StreamWriter) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_bytes_pass_unchanged_and_are_all_recorded(cable: Any, seed: int) -> None:
-    """Both directions at once, in random pieces, with every byte value."""
+    """Both directions carry every byte value at the same time, in random pieces."""
     dice = random.Random(seed)
     up, down = EVERY_BYTE + dice.randbytes(60_000), EVERY_BYTE[::-1] + dice.randbytes(60_000)
 
@@ -297,7 +297,8 @@ def test_back_pressure(cable: Any) -> None:
         async with Bench(SerialRoute(controller.address)) as bench:
             _, writer = await bench.connect()
             with pytest.raises(TimeoutError):
-                await asyncio.wait_for(send_much(writer), 0.3)  # silence that long means blocked
+                # No progress for that long means blocked.
+                await asyncio.wait_for(send_much(writer), 0.3)
             assert await to_thread(controller.receive, len(sent)) == sent
 
     run(test)
@@ -314,7 +315,7 @@ def test_a_client_on_a_serial_line(cable: Any, tmp_path: Path) -> None:
 
     async def test() -> None:
         controller = cable("controller")
-        way, inside = SerialRoute(controller.address), ("127.0.0.1", 0)
+        way, inside = SerialRoute(controller.address), [("127.0.0.1", 0)]
         async with record(way, inside, tmp_path / "out", [Journal]) as recording:
             client = cable("client")
             async with relay_serial_client(client.address, recording.address):

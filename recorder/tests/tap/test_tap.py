@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from hashlib import sha256
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -20,7 +21,7 @@ from scaraspec_recorder.spool.records import ControlRecord
 from scaraspec_recorder.tap import routes, tcp
 from scaraspec_recorder.tap import tap as tap_module
 from scaraspec_recorder.tap.routes import Upstream
-from scaraspec_recorder.tap.tap import BUFFER_BYTES
+from scaraspec_recorder.tap.tap import BUFFER_BYTES, Connection
 from tap_bench import Bench, at_end, receive, run_on, send, turn
 
 BULK_BYTES = 3 << 20
@@ -206,8 +207,8 @@ def test_a_reset_is_forwarded_after_the_data(run: Any, resetter: Direction) -> N
             data = random.Random(1).randbytes(100_000)
             await send(one, data)
             while len(bench.stream(resetter)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(one)
             assert await receive(other, len(data)) == data
             with pytest.raises(ConnectionResetError):
@@ -246,7 +247,7 @@ def test_a_refused_connection_is_reset_and_recorded(run: Any, host: str, why: st
 
     async def test() -> None:
         with socket.socket() as closed:
-            closed.bind(("127.0.0.1", 0))  # held, lest the tap itself gets it
+            closed.bind(("127.0.0.1", 0))  # bound, so that the tap cannot use it
             port = closed.getsockname()[1]
             async with Bench(Upstream(host, port)) as bench:
                 client = await bench.client()
@@ -331,6 +332,66 @@ def test_early_bytes_are_buffered(run: Any) -> None:
     run(test)
 
 
+@pytest.mark.parametrize("ending", ["recorder", "robot"])
+def test_early_bytes_that_are_not_forwarded_are_counted(run: Any, ending: str) -> None:
+    """Those that the tap has read, and those in the client's socket."""
+
+    async def test() -> None:
+        route = DelayedRoute()
+        async with Bench(route) as bench:
+            with socket.socket() as closed:
+                closed.bind(("127.0.0.1", 0))
+                route.upstream = Upstream(*closed.getsockname())
+                client = await bench.client()
+                (connection,) = await connections(bench)
+                await send(client, b"first")
+                while not connection.client.early_data:
+                    await turn()
+                await send(client, b"more")
+                if ending == "robot":
+                    route.go.set()
+                    await bench.until(Kind.RESET)
+                else:
+                    await bench.stop()
+            kinds = [record.kind for record in bench.records]
+            assert ControlRecord.CONNECTED not in kinds
+            dropped = bench.records[kinds.index(ControlRecord.UNFORWARDED)]
+            expected_bytes = 9 if sys.platform == "linux" else 5
+            assert (dropped.direction, dropped.length_bytes) == (A2C, expected_bytes)
+
+    async def connections(bench: Bench) -> set[Connection]:
+        while not bench.tap._connections:
+            await turn()
+        return bench.tap._connections
+
+    run(test)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not report it")
+@pytest.mark.parametrize("sender", [A2C, C2A], ids=str)
+def test_urgent_data_is_counted(run: Any, sender: Direction) -> None:
+    """It is not in the stream, so it cannot be forwarded; the stream itself is."""
+
+    async def test() -> None:
+        async with Bench() as bench:
+            ends = await bench.pair()
+            one, other = ends if sender is A2C else ends[::-1]
+            await send(one, b"before")
+            assert await receive(other, 6) == b"before"
+            one.send(b"!", socket.MSG_OOB)
+            while not (
+                dropped := [r for r in bench.records if r.kind is ControlRecord.UNFORWARDED]
+            ):
+                await turn()
+            assert [(r.direction, r.length_bytes) for r in dropped] == [(sender, 1)]
+            assert dropped[0].note == "sent as urgent data (TCP)"
+            await send(one, b"after")
+            assert await receive(other, 5) == b"after"
+            assert bench.stream(sender) == b"beforeafter"
+
+    run(test)
+
+
 def test_an_early_end_is_forwarded(run: Any) -> None:
     """A client that connects and ends immediately also ends at the controller."""
 
@@ -404,8 +465,8 @@ def test_a_reset_waits_for_a_slow_reader(run: Any) -> None:
             data = random.Random(4).randbytes(400_000)
             await send(client, data)
             while len(bench.stream(A2C)) < len(data):
-                bench.told.clear()
-                await bench.told.wait()
+                bench.printed.clear()
+                await bench.printed.wait()
             reset(client)
             await bench.until(Kind.RESET)
             assert await receive(server, len(data)) == data
@@ -429,7 +490,7 @@ def test_a_reset_has_a_timeout(run: Any, monkeypatch: pytest.MonkeyPatch) -> Non
                     client.send(block)
                 except BlockingIOError:
                     await turn()
-            connection.client.transport.abort()  # what a reset looks like to the tap
+            connection.client.transport.abort()  # the tap sees a reset in this way
             await bench.until(Kind.RESET)
             await bench.tap._wait_until_empty()
             with pytest.raises(ConnectionResetError):
@@ -494,6 +555,29 @@ def test_a_write_error_ends_the_connection(run: Any) -> None:
     run(test)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the state of TCP of Linux")
+@pytest.mark.parametrize(
+    ("retransmissions", "probes", "unacknowledged", "silent_ms", "lost"),
+    [
+        (8, 0, 1, 60_000, True),  # data is in flight
+        (8, 0, 1, 59_000, False),
+        (2, 0, 1, 600_000, False),  # idle for long, then sent
+        (0, 5, 0, 90_000, True),  # it did not read, then vanished
+        (0, 1, 0, 119_000, False),  # it does not read; probes are two minutes apart
+        (0, 0, 0, 10**6, False),  # nothing is sent
+    ],
+)
+def test_a_lost_peer(
+    retransmissions: int, probes: int, unacknowledged: int, silent_ms: int, *, lost: bool
+) -> None:
+    """By the state of the system's TCP."""
+    info = tcp._TCP_INFO.pack(retransmissions, probes, unacknowledged, silent_ms)
+    sock = MagicMock(**{"getsockopt.return_value": info})
+    assert tcp.is_lost(sock) is lost
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        assert not tcp.is_lost(server)
+
+
 def test_address_text() -> None:
     """An IPv6 host is in brackets."""
     assert tcp.address_text(("127.0.0.1", 8877)) == "127.0.0.1:8877"
@@ -515,8 +599,8 @@ def test_address_text() -> None:
         ("no..name", False),
     ],
 )
-def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
-    """In doubt it is not."""
+def test_loopback_addresses(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
+    """A name that cannot be resolved is not a loopback address."""
     assert tcp.is_loopback(host) is loopback
 
 
@@ -530,7 +614,7 @@ print(unsent_bytes(near))
 
 
 def test_unsent_bytes_without_a_free_file_descriptor() -> None:
-    """A client that gets no upstream connection is reset; the function imports no module then."""
+    """The function works without a free file descriptor, as it then imports no module."""
     done = subprocess.run(
         [sys.executable, "-c", NO_FILE_IS_FREE],
         capture_output=True,

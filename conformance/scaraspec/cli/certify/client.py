@@ -10,9 +10,9 @@ from scaraspec.api import certify
 from scaraspec.cli.certify.options import (
     calibrated,
     certification_of,
-    conclude,
     reproduction,
     rerun_of,
+    run_and_exit,
     selection_of,
     statement_of,
     suite_options,
@@ -85,7 +85,7 @@ def command(  # noqa: PLR0913 - one for each option
     """Certify a client build: the suite acts as the controller.
 
     Check a driver first with scaraspec driver-check. Without a driver an operator works with the
-    client (--listen, --attended); the same --out continues an earlier session. Exit status 0
+    client (--listen, --attended); the same --out continues an earlier sitting. Exit status 0
     conformant, 1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
     """
     if attended != bool(listen) or bool(driver) + attended > 1:
@@ -141,7 +141,7 @@ def command(  # noqa: PLR0913 - one for each option
                     interruption=interruption,
                 )
 
-        conclude(run, out, certification)
+        run_and_exit(run, out, certification)
 
 
 def _attended(listen: str, answer_timeout_s: float) -> Attended:

@@ -12,10 +12,10 @@ from scaraspec.cli.certify.options import (
     PATH,
     calibrated,
     certification_of,
-    conclude,
     option,
     reproduction,
     rerun_of,
+    run_and_exit,
     selection_of,
     statement_of,
     suite_options,
@@ -38,7 +38,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.operator import TerminalOperator
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 
 _GROUPS = {
     "The subject": (
@@ -180,7 +180,7 @@ def command(**given: Any) -> None:
             undefined=settings.undefined_opcodes,
         )
         if certification:
-            if where and not isinstance(parse(where), Tcp):
+            if where and not parse(where).needs_login:
                 raise Problem(
                     "--certification needs a TCP link: some requirements are about connections"
                 )
@@ -216,4 +216,4 @@ def command(**given: Any) -> None:
                     operator=TerminalOperator(click.echo) if settings.attended else None,
                 )
 
-        conclude(run, settings.out, certification)
+        run_and_exit(run, settings.out, certification)

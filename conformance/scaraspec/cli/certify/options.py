@@ -24,7 +24,7 @@ from scaraspec.api.certificates import (
     verify_package,
 )
 from scaraspec.api.certify import IncompleteFilesError, StartError
-from scaraspec.api.run_folder import RunFolderError
+from scaraspec.api.run_folder import RunFolderError, require_unused
 from scaraspec.certificate.package import SUFFIX
 from scaraspec.cli.options import F, Percentage, Real, given_options
 from scaraspec.cli.problems import Problem
@@ -283,7 +283,8 @@ def certification_of(
 
     Raises:
         Problem: An option cannot be combined with it, or is missing.
-        CertificationError: The ICS or the options lack something.
+        RunFolderError: The output folder contains the results of another run.
+        CertificationError: The ICS or the options lack something, or the package cannot be written.
     """
     given = context.params
     package, out = given["package"], given["out"]
@@ -299,6 +300,7 @@ def certification_of(
             )
     if out is None:
         raise Problem("--certification needs --out DIR, the folder for results and capture")
+    require_unused(out)
     return certification(
         role,
         ics,
@@ -327,7 +329,7 @@ def calibrated(certified: Certification | None, console: Console) -> Certificati
         )
 
 
-def conclude(
+def run_and_exit(
     run: Callable[[], Results], out: Path | None, certified: Certification | None = None
 ) -> None:
     """Run a certification, print its results and exit with its status.
@@ -362,7 +364,11 @@ def conclude(
 def _verify(package: Path, status: ExitStatus) -> ExitStatus:
     """Verify the package of this run; return the exit status of the run."""
     click.echo(UserMessage("verifying {package}", package=visible(f"{package}")))
-    verification = verify_package(package)
+    try:
+        verification = verify_package(package)
+    except PackageError as error:
+        click.echo(f"scaraspec: {visible(f'{package}: {error}')}", err=True)
+        return ExitStatus.INCONCLUSIVE if status is ExitStatus.CONFORMANT else status
     show(package, verification)
     if status is ExitStatus.CONFORMANT and verification.exit_status is not status:
         return ExitStatus.INCONCLUSIVE

@@ -23,7 +23,7 @@ from scaraspec.cli.stdio import insists
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_sheet import operator_requests
 from scaraspec.suite.engine.ics import Ics
@@ -64,8 +64,8 @@ def show_plan(
             console.print(
                 f"  {counts[hazard]:4}  {_RISKS[hazard]}", soft_wrap=True, highlight=False
             )
-    if asked := operator_requests(c for c in runs if asks_operator(c, options, statement)):
-        text = f"  the operator is asked about {asked} times"
+    if requests := operator_requests(c for c in runs if asks_operator(c, options, statement)):
+        text = f"  the operator is asked about {requests} times"
         console.print(text, soft_wrap=True, highlight=False)
     for why, count in skipped.most_common():
         console.print(Text(f"  {count:4}  skipped: {visible(why)}"), soft_wrap=True)
@@ -168,7 +168,7 @@ class Display:
             self._dependency_message = outcome.message
         if self._ticks or shown:
             text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
-            self._console.print(Text(visible(text)), soft_wrap=True)
+            self._console.print(Text(visible_line(text)), soft_wrap=True)
         if not (self._ticks or self._console.is_terminal):
             self._print_time_left()
 
@@ -198,7 +198,7 @@ def end_on_signals(interruption: Interruption) -> None:
     def end(number: int, frame: FrameType | None) -> None:
         nonlocal last_s
         before_s, last_s = last_s, time.monotonic()
-        if not interruption.asked:
+        if not interruption.requested:
             interruption.ask()
         elif last_s - before_s > _AT_ONCE_S and insists(number):
             signal.default_int_handler(number, frame)

@@ -91,7 +91,7 @@ async def _play(out: Path, viewer: str | None) -> None:
     )
     async with (
         _controller() as (host, port),
-        record(Upstream(host, port), ("127.0.0.1", 0), out, sinks) as recording,
+        record(Upstream(host, port), [("127.0.0.1", 0)], out, sinks) as recording,
     ):
         url = f"tcp://{join_host_port(*recording.address)}"
         click.echo(f"client → recording proxy {url} → virtual controller tcp://{host}:{port}")

@@ -169,7 +169,7 @@ ROWS = (
       sentence="A client must accept as a reply only an untagged frame with the opcode "
                "of its request, the doubtful opcodes of 4.12 and 4.14 excepted.",
       original="0xAA | 0x01 | 8 | “password” | 0xCC / 0xCC | 0x01 | 1 | “1” | 0xAA",
-      binds=CLIENT, testable=AK, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+      binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     # T, conventions of every text payload in clauses 4 and 5: separators, numbers, names.
     R("T/1", lines=(125, 150, 226), register=("A-0-1",),
       sentence="Neighbouring fields must be separated by one '|' (0x7C) and nothing more.",

@@ -146,7 +146,7 @@ ROWS = (
       sentence="Running a program that is not stored must never end as done: the "
                "first reply is '0|20', or, tolerated, the final result '00|20'.",
       original="20 | 程序文件不存在",
-      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     R("4.15/8", lines=(1018,), register=("A-4-2",),
       sentence="During a run a second 0x30 must not be answered '1'.",
       original="01 | 正在正常执行程序",
@@ -272,7 +272,7 @@ ROWS = (
       sentence="A 0x35 without exactly three fields, or with a "
                "field that is no number, must not be answered '1'.",
       original="工具坐标三维坐标(x,y,z)",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("4.20/5", lines=(435,), register=("A-4.19-2",),
       sentence="Setting the gripper centre must move nothing.",
       original="应用层向控制层发送“设置夹具中心点”请求",

@@ -128,11 +128,11 @@ ROWS = (
       sentence="A chunk longer than 200 bytes or reaching "
                "beyond fileSize must not be answered '1'.",
       original="缓冲区最多 200 个字节",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("5.2/11", lines=(748,), register=("A-5-16",),
       sentence="A 0x52 that no accepted 0x50 came before must not be answered '1'.",
       original="文件建立成功，返回 1",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=ROBUSTNESS),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=ROBUSTNESS),
     R("5.2/12", lines=(737,), register=("A-5-21",),
       sentence="From the answer to its last chunk on, an uploaded file must "
                "download with the same content, again and again, also after "
@@ -189,7 +189,7 @@ ROWS = (
     R("5.3/3", lines=(772,), register=("A-5-11",),
       sentence="A file that is not stored must be answered '0'.",
       original="若文件不可发送，返回 0",
-      binds=CONTROLLER, testable=AC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
     R("5.3/4", lines=((777, 780),), register=("A-5-23",),
       sentence="Behind the '1' to 0x54 the controller must send "
                "the content, one fileData in each 0x56 frame.",
@@ -216,7 +216,7 @@ ROWS = (
       sentence="A client that receives data of length 0 must "
                "count the transfer as failed and stop it.",
       original="若文件接受端接受到长度为 0 的数据时,表明本次传输出现错误,停止传输",
-      binds=CLIENT, testable=AK, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
+      binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
     R("5.3/9", lines=(782,), register=("A-5-14",),
       sentence="After a 0x56 was answered '0', the controller should send no "
                "further chunk of the transfer; repeating the refused one passes.",
@@ -239,7 +239,7 @@ ROWS = (
     R("5.3/13", lines=(735,), register=("A-5-6",),
       sentence="A client must reject a chunk longer than 200 bytes or reaching beyond fileSize.",
       original="缓冲区最多 200 个字节",
-      binds=CLIENT, testable=AK, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CLIENT, testable=AK | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     # 5.4: what a receiver of a file does (L789-795).
     R("5.4/1", lines=(791,), register=("A-5-11",),
       sentence="On the name of a file that is not there, the "

@@ -1,6 +1,8 @@
 """A robot that executes one two-stage command: its status, and its replies to further requests."""
 
 from collections.abc import Iterable
+from itertools import pairwise
+from math import ceil
 from typing import Final
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
@@ -27,6 +29,8 @@ _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
 """An unrecorded client cannot begin and end a command unnoticed within this time. It is also a
 safe margin for frames of two connections, which a capture may reorder."""
+_MAX_POLL_NS: Final = 5_000_000_000
+"""Maximum time between two statuses that show a robot which was never idle between them."""
 _MAX_REPLY_NS: Final = 5_000_000_000
 """Maximum time from a request to its first reply (A-3-15)."""
 _MAX_REORDERING_NS: Final = 50_000_000
@@ -199,6 +203,22 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
+@rule("4/8", on=Exchange, names=STATE_OF)
+def status_lags(x: Exchange, _: RobotState) -> RuleResult | None:
+    """A status 00 right after the first reply may be that from before it (A-4.8-3)."""
+    if not x.lag_ns or not x.result or x.idle_status:
+        return None
+    return _lagging(
+        x.lag_ns,
+        UserMessage("the status was still 00 (idle) after the first reply to {name}", name=x.name),
+    )
+
+
+def _lagging(lag_ns: int, message: UserMessage) -> RuleResult:
+    text = UserMessage("{message}, for {lag_ms} ms", message=message, lag_ms=ceil(lag_ns / 1e6))
+    return tolerated("status_lag", f"{lag_ns / 1e9:.3f}", text)
+
+
 @rule("4/7", on=Exchange, names=_STATUS)
 def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After a successful final result the status returns to 00 (L318).
@@ -207,34 +227,127 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
     reorder frames of two connections. A command of another client may have begun although its first
     reply "1" has not arrived yet.
     """
-    ended = robot.history.accepted[-1] if robot.history.accepted else None
-    if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
+    ended = _ended_before(x, robot)
+    if ended is None or not ended.result:
         return None
     since_ns = x.time_ns - ended.result.place.time_ns
-    if robot.executing or x.concurrent_uncertain or not 0 < since_ns <= _SECOND_NS:
-        return None
+    if since_ns > _SECOND_NS:
+        return None  # `idle_at_last` judges it
     if x.reply_value == "00":
         return PASSED
-    if since_ns < STATE_LAG_NS:
-        return None
-    begun = any(robot.history.is_pending(name, x.time_ns - _MAX_REPLY_NS) for name in STATE_OF)
-    if begun or x.reply_value not in BUSY:
+    if x.reply_value not in BUSY or _may_have_begun(x, robot):
         return None
     message = UserMessage(
         "the status is still {status} although {command} has ended",
         status=x.reply_value,
         command=ended.name,
     )
+    if since_ns < STATE_LAG_NS:
+        same = ended.request.place.connection == x.request.place.connection
+        return _lagging(since_ns, message) if same and robot.status_lag_ns else None
     if robot.transferring:
         return tolerated("A-5-17", "status", "the status is that of a busy robot in a transfer")
     if ended.name in SETTLES and since_ns <= SETTLE_NS:
         return tolerated("A-4-9", "settles", message)
-    return failed(
-        message,
-        expected="00",
-        observed=x.reply_value,
-        at=(*places_of(ended), *places_of(x)),
+    return _still_busy(x, ended, message)
+
+
+@rule("4/7", on=Exchange, names=_STATUS)
+def idle_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A robot whose status was never 00 since a successful final result still executes (L318)."""
+    ended = _still_busy_command(x, robot)
+    if ended is None or ended.name == "emergency_stop" or x.reply_value not in BUSY:
+        return None
+    message = UserMessage(
+        "the status is still {status} although {command} has ended {since_s:.1f} s before",
+        status=x.reply_value,
+        command=ended.name,
+        since_s=_since_s(x, ended),
     )
+    return _still_busy(x, ended, message)
+
+
+@rule("4.17/6", "4.17/7", on=Exchange, names=_STATUS)
+def stopped_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A robot that still executes long after a successful stop was not stopped (L363, L373)."""
+    stop = _still_busy_command(x, robot)
+    if stop is None or stop.name != "emergency_stop" or x.reply_value not in BUSY:
+        return None
+    message = UserMessage(
+        "the status is still {status} {since_s:.1f} s after the emergency stop had succeeded",
+        status=x.reply_value,
+        since_s=_since_s(x, stop),
+    )
+    return _still_busy(x, stop, message)
+
+
+@rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
+def stopped_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A robot that has been stopped does not refuse a command as busy (L399; A-4-9)."""
+    code = x.reply_value.code if x.accepted is False else None
+    stop = _still_busy_command(x, robot)
+    if stop is None or stop.name != "emergency_stop" or code not in BUSY:
+        return None
+    message = UserMessage(
+        "{command} was refused with {code} {since_s:.1f} s after the emergency stop had succeeded",
+        command=x.name,
+        code=code,
+        since_s=_since_s(x, stop),
+    )
+    return _still_busy(x, stop, message, expected="1, or another code")
+
+
+def _ended_before(x: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the last two-stage command, if it succeeded before `x` and nothing else executes."""
+    ended = robot.history.accepted[-1] if robot.history.accepted else None
+    if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
+        return None
+    stopped = ended.name == "emergency_stop" and not robot.busy
+    if (robot.executing or x.concurrent_uncertain) and not stopped:
+        return None
+    if x.concurrent or ended.result.place.time_ns >= x.time_ns:
+        return None
+    return ended
+
+
+def _may_have_begun(x: Exchange, robot: RobotState) -> bool:
+    """Whether a command of another client may have begun before its first reply "1" arrives."""
+    since_ns, others = x.time_ns - _MAX_REPLY_NS, (name for name in STATE_OF if name != x.name)
+    return any(robot.history.is_pending(name, since_ns) for name in others)
+
+
+def _still_busy_command(x: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the last command if it succeeded, but the robot never became idle since.
+
+    The first status came so soon after the final result that no client which is not recorded can
+    have begun another command, and none of the statuses since then was 00.
+    """
+    ended = _ended_before(x, robot)
+    if ended is None or not ended.result or _may_have_begun(x, robot) or robot.transferring:
+        return None
+    ended_ns = ended.result.place.time_ns
+    if x.time_ns - ended_ns <= max(_SECOND_NS, SETTLE_NS):
+        return None
+    statuses = [*robot.history.between("get_status", ended_ns, x.time_ns), x]
+    if any(y.name == "get_status" and y.reply_value not in BUSY for y in statuses):
+        return None
+    times_ns = [ended_ns, *(y.time_ns for y in statuses)]
+    gaps_ns = [after - before for before, after in pairwise(times_ns)]
+    first_ns = 2 * _SECOND_NS if ended.name == "emergency_stop" else _SECOND_NS
+    return ended if gaps_ns[0] <= first_ns and max(gaps_ns) <= _MAX_POLL_NS else None
+
+
+def _since_s(x: Exchange, ended: Exchange) -> float:
+    assert ended.result
+    return (x.time_ns - ended.result.place.time_ns) / 1e9
+
+
+def _still_busy(
+    x: Exchange, ended: Exchange, message: UserMessage, *, expected: str = "00"
+) -> RuleResult:
+    observed = show(x.reply.frame.data) if x.reply else ""
+    at = (*places_of(ended), *places_of(x))
+    return failed(message, expected=expected, observed=observed, at=at)
 
 
 @rule("4.18/6", on=Exchange, names=("reset",))

@@ -2,7 +2,7 @@
 
 from scaraspec.judge.rules.flag import one_flag
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule
-from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS, new_password_opens
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
@@ -62,8 +62,8 @@ def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     if not x.accepted:
         return PASSED
-    if _is_last_accepted(x, robot) is not False:
-        return None
+    if _is_last_accepted(x, robot) is not False or new_password_opens(x, robot):
+        return None  # 4.2/4 judges the passwords of a change
     return failed(
         "two different passwords were accepted, although none was set between them",
         expected="0",

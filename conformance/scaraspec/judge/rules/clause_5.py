@@ -1,6 +1,7 @@
 """Clauses 5.1 to 5.4: chunks and transfers, uploads and downloads."""
 
 from scaraspec.judge.rules.flag import one_flag
+from scaraspec.judge.rules.missing_programs import is_unlisted
 from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
@@ -10,6 +11,7 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, TransferState
@@ -21,6 +23,8 @@ from scaraspec.user_message import UserMessage
 _CHUNKS = ("upload_chunk", "download_chunk")
 _UPLOAD_CHUNK = ("upload_chunk",)
 _DOWNLOAD_CHUNK = ("download_chunk",)
+_CONTENT_COMES_NS = 5_000_000_000
+"""Within this time after the reply to its name the content begins (A-3-15)."""
 
 
 # 5.1: the structure
@@ -73,6 +77,25 @@ def constant_file_size(x: Exchange, _: RobotState) -> RuleResult | None:
         expected=str(transfer.size_bytes),
         observed=str(x.chunk.file_size),
         at=(x.request.place,),
+    )
+
+
+@rule("5.1/3", on=Exchange, names=_DOWNLOAD_CHUNK)
+def size_of_the_upload(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """The file size of a download is the number of bytes that were uploaded (L729)."""
+    stored = robot.files.get(x.transfer.name) if x.transfer else None
+    if stored is None or x.chunk is None or x.error_signal or x.expected_position:
+        return None
+    if x.chunk.file_size == stored.received_bytes:
+        return PASSED
+    return failed(
+        UserMessage(
+            "the file size in the download of {file_name} is not the size of its upload",
+            file_name=show(stored.name),
+        ),
+        expected=str(stored.received_bytes),
+        observed=str(x.chunk.file_size),
+        at=(*places_of(stored), x.request.place),
     )
 
 
@@ -372,6 +395,39 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("5.2/12", on=Exchange, names=("download_name",))
+def upload_is_there(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A file that was uploaded completely can be downloaded (L737)."""
+    stored = robot.files.get(x.request.text)
+    if stored is None or x.accepted is not False or not x.logged_in:
+        return None
+    busy = x.concurrent or robot.executing or robot.transferring
+    if busy or x.time_ns - stored.ended_ns > MAX_UNSEEN_NS:
+        return None
+    return failed(
+        UserMessage(
+            "the download of {file_name} was refused although its upload was complete",
+            file_name=show(stored.name),
+        ),
+        expected="1",
+        observed="0",
+        at=(*places_of(stored), *places_of(x)),
+    )
+
+
+@rule("5.3/8", on=Exchange, names=_DOWNLOAD_CHUNK)
+def error_signal_ends_the_download(x: Exchange, _: RobotState) -> RuleResult | None:
+    """A chunk of length 0 is an error (L787): the client does not answer it with "1".
+
+    A controller may send an empty file as such a chunk (A-5-10).
+    """
+    if not x.error_signal or not x.reply or (x.chunk and not x.chunk.file_size):
+        return None
+    if not x.accepted:
+        return PASSED
+    return failed("a chunk without data was answered 1", expected="0, or no reply", observed="1")
+
+
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
 def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first chunk comes after the reply to the file name (L777; A-5-23)."""
@@ -388,12 +444,39 @@ def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
+@rule("5.3/3", on=Exchange, names=("download_name",))
+def absent_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A name that the last program list lacks is answered "0" (L772), if no file has it."""
+    return PASSED if x.accepted is False and is_unlisted(x, robot) else None
+
+
+@rule("5.3/3", on=Transfer)
+def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleResult | None:
+    """A name that is not listed and was answered "1" has content, or is not stored (L772)."""
+    opening = transfer.opening
+    if transfer.upload or transfer.chunks or opening is None or not is_unlisted(opening, robot):
+        return None
+    if transfer.ended_ns - transfer.begun_ns < _CONTENT_COMES_NS:
+        return None
+    return failed(
+        UserMessage(
+            "the download of {file_name} was accepted, but the program list lacks it and no content"
+            " followed",
+            file_name=show(transfer.name),
+        ),
+        expected="0",
+        observed="1",
+    )
+
+
 @rule("5.3/4", on=Transfer)
 def content_follows(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""
     if transfer.upload or transfer.chunks or transfer.reason != SILENCE:
         return None
     stored = robot.files.get(transfer.name)
+    if absent_file_has_no_content(transfer, robot):
+        return None
     if stored is None or not stored.received_bytes:
         return inconclusive(
             UserMessage(

@@ -4,6 +4,7 @@ import re
 from enum import Enum
 from typing import Final, NamedTuple
 
+from scaraspec.protocol.commands import is_known_opcode
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.redaction import mask_unframed
@@ -53,7 +54,7 @@ def diagnose(invalid: InvalidBytes) -> Diagnosis:
     if invalid.reason is SkipReason.TRUNCATED:
         # No fault, unless a wrong length announces bytes that do not exist.
         explained = _length(invalid, head)
-        return explained if explained.hint else Diagnosis(Fault.NONE)
+        return explained if explained.hint else _announces_too_much(invalid, head)
     if invalid.reason is SkipReason.STRAY:
         return _wrong_start(invalid) or _stray(invalid)
     if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
@@ -67,6 +68,23 @@ def diagnose(invalid: InvalidBytes) -> Diagnosis:
     if len(data) == head + declared:  # the next frame starts in place of the end byte
         return Diagnosis(Fault.END, f"{direction.end:02X}", f"{direction.start:02X}")
     return Diagnosis(Fault.UNCLEAR)
+
+
+def _announces_too_much(invalid: InvalidBytes, head: int) -> Diagnosis:
+    """A text frame that is complete, but whose length byte announces more data.
+
+    The end byte is the last byte, or the next frame follows it. A text does not contain it.
+    """
+    data, direction = invalid.data, invalid.place.direction
+    end = data.find(direction.end, head)
+    text, rest = data[head:end], data[end + 1 : end + 3]
+    if end < 0 or not all(0x20 <= byte < 0x7F for byte in text):  # noqa: PLR2004 - printable ASCII
+        return Diagnosis(Fault.NONE)
+    known = rest[-1:] == bytes((TAG,)) or (rest and is_known_opcode(rest[-1], tagged=False))
+    if rest and not (rest[0] == direction.start and len(rest) > 1 and known):
+        return Diagnosis(Fault.NONE)
+    declared = data[head - 1]
+    return Diagnosis(Fault.LENGTH, f"{len(text)}", str(declared), "", len(text) - declared)
 
 
 def _stray(invalid: InvalidBytes) -> Diagnosis:

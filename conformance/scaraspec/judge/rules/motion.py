@@ -1,5 +1,6 @@
 """Motions: the commanded pose, the direction of a jog, and joints that follow the pose."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -19,10 +20,18 @@ from scaraspec.judge.rules.arm import (
     settled_ns,
 )
 from scaraspec.judge.rules.busy import STATE_OF
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    RuleResult,
+    failed,
+    inconclusive,
+    places_of,
+    rule,
+    tolerated,
+)
 from scaraspec.judge.rules.settings import PROGRAMS, executed_since, in_force
 from scaraspec.judge.rules.text import observed
-from scaraspec.judge.tolerances import STANDSTILL, max_deviation
+from scaraspec.judge.tolerances import STANDSTILL, angle_difference, max_deviation
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import JogDirection
@@ -43,6 +52,8 @@ _VISIBLE: Final = 20.0
 """A change of the pose (mm, degrees) that joint angles show even without decimals."""
 _REACHED: Final = 1.0
 """Tolerance of a commanded pose in mm and degrees (4.24/8)."""
+_THETA_X, _LIFT = 3, 2
+"""Index of thetaX in a pose, and of the wrist in the joint angles: a height, not an angle."""
 _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 
@@ -65,14 +76,20 @@ def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
     if x.time_ns <= settled_ns(move):
         return None
     gripper = _gripper(x, robot)
-    if gripper is None or any(gripper):
-        return tolerated(
-            "A-4.23-1",
-            "another point" if gripper else "gripper centre unknown",
-            "the pose that was reached is not the one that was commanded",
+    message = "the pose that was reached is not the one that was commanded"
+    if gripper is None:
+        result = inconclusive(
+            UserMessage(
+                "{message}: either the move is wrong, which is a violation, or the pose is that of"
+                " the gripper, whose centre the capture does not show",
+                message=message,
+            )
         )
+        return result._replace(places=(*places_of(move), *places_of(x)))
+    if any(gripper):
+        return tolerated("A-4.23-1", "another point", message)
     return failed(
-        "the pose that was reached is not the one that was commanded",
+        message,
         expected=observed(move.request),
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(move), *places_of(x)),
@@ -119,6 +136,38 @@ def joints_follow_the_pose(x: Exchange, robot: RobotState) -> RuleResult | None:
     return _consistent(motion, x, robot) if motion and motion.name != _RUN else None
 
 
+@rule("4.27/6", "7/3", on=Exchange, names=(JOINTS, POSE))
+def angles_in_degrees(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A motion that turns the tool by many degrees turns a joint by degrees, too (L591, L1006).
+
+    Angles that all stay within pi and turn by 180/pi less are probably radians. The document states
+    neither the unit of a joint angle nor the gear ratios (A-4.27-3).
+    """
+    motion = last_motion(x, robot)
+    pair = _around(motion, x, robot) if motion and motion.name in MOTIONS else None
+    if pair is None:
+        return None
+    joints, poses = (tuple(y.reply_value[:4] for y in two) for two in pair)
+    turned_deg = abs(angle_difference(poses[1][_THETA_X], poses[0][_THETA_X]))
+    angles = [angle for reading in joints for at, angle in enumerate(reading) if at != _LIFT]
+    sums = [sum(angle for at, angle in enumerate(reading) if at != _LIFT) for reading in joints]
+    in_radians = turned_deg / math.degrees(1)
+    if turned_deg < _VISIBLE or max(map(abs, angles)) > math.pi or not any(angles):
+        return None
+    if abs(abs(sums[1] - sums[0]) - in_radians) > in_radians / 4:
+        return None
+    result = inconclusive(
+        UserMessage(
+            "the tool turned by {turned_deg:.0f} degrees but the joint angles by {sum:.2f} in all,"
+            " and all are within pi: either they are in radians, which is a violation, or they"
+            " belong to another geometry",
+            turned_deg=turned_deg,
+            sum=sums[1] - sums[0],
+        )
+    )
+    return result._replace(places=tuple(p for two in pair for y in two for p in places_of(y)))
+
+
 @rule("7/5", on=Exchange, names=(JOINTS, POSE))
 def one_geometry(x: Exchange, robot: RobotState) -> RuleResult | None:
     """One arm has one pose for one set of joint angles; a program may set another tool."""
@@ -156,8 +205,8 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
     if not then or not then.reply_value or not x.reply_value or not before or not other_before:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
-    apart_ns = max(before.time_ns, other_before.time_ns) - first_ns
-    if apart_ns > MOMENT_NS or gripper_set_since(first_ns, robot):
+    interval_ns = max(before.time_ns, other_before.time_ns) - first_ns
+    if interval_ns > MOMENT_NS or gripper_set_since(first_ns, robot):
         return None
     mine, theirs = (before, x), (other_before, then)
     return (mine, theirs) if x.name == JOINTS else (theirs, mine)

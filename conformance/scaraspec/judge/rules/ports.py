@@ -139,6 +139,34 @@ def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("4.32/4", on=Exchange, names=_GET)
+def refused_output_stays(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A setting that was answered "0" does not change its output (L660)."""
+    before, refused = _before(x, robot), robot.history.last(_SET, before_ns=x.time_ns)
+    if before is None or refused is None or refused.accepted is not False or not x.reply_value:
+        return None
+    other = robot.history.previous_requests.get(_SET)
+    if robot.history.last_requests.get(_SET) is not refused.request:
+        return None
+    if refused.time_ns <= answered_ns(before) or (other and other.place.time_ns > before.time_ns):
+        return None
+    if refused.request_value is None or not 1 <= refused.request_value.port <= OUTPUTS:
+        return None
+    if x.reply_value == before.reply_value:
+        return PASSED
+    if x.reply_value != _with(before.reply_value, *refused.request_value):
+        return None
+    return failed(
+        UserMessage(
+            "the setting of output {port} was refused, but the output changed",
+            port=refused.request_value.port,
+        ),
+        expected=before.reply_value,
+        observed=x.reply_value,
+        at=(*places_of(before), *places_of(refused), *places_of(x)),
+    )
+
+
 @rule("4.34/3", on=Exchange, names=_GET)
 def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The leftmost digit is port 16, the rightmost is port 1 (L684; A-4.34-2)."""

@@ -1,13 +1,20 @@
-"""Clauses 4.10 and 4.11, code 20: stored programs, from uploads, deletions and lists."""
+"""Clauses 4.10 and 4.11: stored programs, from uploads, deletions and lists."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
-from scaraspec.judge.rules.two_stage import TWO_STAGE
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    RuleResult,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+)
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
 from scaraspec.protocol.program_files.layout import MAGIC
@@ -19,14 +26,16 @@ from scaraspec.user_message import UserMessage
 _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
-_MISSING: Final = "20"
+_LINE_ENDS: Final = (b"\r\n", b"\n", b"\r")
+_OTHER_SEPARATORS: Final = (*_LINE_ENDS, b",", b";", b" ", b"\t", b"/", b"\0")
 _PUSH_WAIT_NS: Final = 1_000_000_000
 """A client that requests again earlier may overlap with a pushed part (A-4.10-3)."""
 _MAX_FETCH_NS: Final = 5_000_000_000
 """Maximum time from the request of a list in parts to its first part."""
 
 
-def _names(x: Exchange) -> list[bytes]:
+def listed_names(x: Exchange) -> list[bytes]:
+    """Return the names of all parts of a list."""
     return [name for part in x.parts if part.value for name in part.value.names]
 
 
@@ -35,6 +44,14 @@ def _starts_again(x: Exchange) -> bool:
     if not x.reply or not x.parts or x.parts[0] is x.reply:
         return False
     return x.parts[0].frame.data == x.reply.frame.data
+
+
+def _repeats_its_beginning(x: Exchange) -> bool:
+    """Whether a requested further part begins with the first name of the list again."""
+    first, later = x.parts[0].value if x.parts else None, x.reply.value if x.reply else None
+    if not first or not later or x.parts[0] is x.reply or x.parts[0].frame == x.parts[-1].frame:
+        return False
+    return bool(first.names and later.names) and first.names[0] == later.names[0]
 
 
 def _pushed_part_missing(x: Exchange) -> bool:
@@ -53,11 +70,15 @@ def _is_unambiguous(x: Exchange, robot: RobotState) -> bool:
 
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
-    whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
-    return whole and _is_unambiguous(x, robot)
+    return is_complete_list(x) and _is_unambiguous(x, robot)
 
 
-def _begun_ns(x: Exchange) -> int:
+def is_complete_list(x: Exchange) -> bool:
+    """Return whether the last part of a list announces no other."""
+    return bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
+
+
+def list_begun_ns(x: Exchange) -> int:
     """Return a time that is not later than the request of the first part."""
     fetched = x.parts[0] is not x.reply
     return x.parts[0].begun_ns - _MAX_FETCH_NS if fetched else x.time_ns
@@ -69,6 +90,12 @@ def _begun_ns(x: Exchange) -> int:
 @rule("4.10/4", on=Exchange, names=_LIST)
 def last_part_has_flag_0(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251); after "1" another part follows."""
+    if _repeats_its_beginning(x) and _is_unambiguous(x, robot):
+        return failed(
+            "the list began again although its previous part announced another part",
+            expected="0 in the last part",
+            observed="1",
+        )
     if _is_complete(x, robot):
         return PASSED
     if not (_starts_again(x) and _pushed_part_missing(x) and _is_unambiguous(x, robot)):
@@ -119,9 +146,14 @@ def _is_known(name: bytes, robot: RobotState) -> bool:
 @rule("4.10/7", on=Exchange, names=_LIST)
 def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
-    if not x.parts or _starts_again(x) or not _is_unambiguous(x, robot):
+    if (
+        not x.parts
+        or _starts_again(x)
+        or _repeats_its_beginning(x)
+        or not _is_unambiguous(x, robot)
+    ):
         return None
-    names = _names(x)
+    names = listed_names(x)
     for part in x.parts:
         for issue in part.parsed.decoded.issues if part.parsed else ():
             if issue.defect is Defect.EMPTY_NAME:
@@ -134,6 +166,22 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
         expected="once",
         observed=f"{count} times",
     )
+
+
+@rule("4.10/3", on=Exchange, names=_LIST)
+def names_are_apart(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """No other character separates the names (L246): known names reveal it, or a line end."""
+    for name in listed_names(x):
+        for separator in _OTHER_SEPARATORS:
+            apart = [each for each in name.split(separator) if each]
+            known = all(_is_known(each, robot) for each in apart)
+            if len(apart) > 1 and (known or separator in _LINE_ENDS):
+                return failed(
+                    "the names in the list are not separated by '|'",
+                    expected=show(b"|".join(apart)),
+                    observed=show(name),
+                )
+    return None
 
 
 # Programs that must be in the list, and that must not
@@ -158,8 +206,8 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """
     if not _is_complete(x, robot):
         return None
-    listed = set(_names(x))
-    before_ns = _begun_ns(x)
+    listed = set(listed_names(x))
+    before_ns = list_begun_ns(x)
     expected = [
         t
         for t in robot.files.values()
@@ -169,9 +217,7 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     for transfer in missing:
         if is_valid_program(transfer):
             return failed(
-                UserMessage(
-                    "{program} was uploaded but is not listed", program=show(transfer.name)
-                ),
+                _missing_message(transfer.name, listed, robot),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
                 at=(*places_of(transfer), *places_of(x)),
@@ -179,12 +225,44 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     return PASSED if len(missing) < len(expected) else None
 
 
+def _missing_message(name: bytes, listed: Collection[bytes], robot: RobotState) -> UserMessage:
+    """Say that an uploaded program is missing, and which similar name may be the cause."""
+    program = show(name)
+    for other in listed:
+        if show(other) == program:
+            return UserMessage(
+                "{program} was uploaded in {encoding} but is listed in {other_encoding}",
+                program=program,
+                encoding=_encoding(name),
+                other_encoding=_encoding(other),
+            )
+    for other in (*listed, *robot.history.deleted):
+        if other.lower() == name.lower():
+            return UserMessage(
+                "{program} was uploaded but is not listed; {other} was {what}: the names differ"
+                " only in case",
+                program=program,
+                other=show(other),
+                what="listed" if other in listed else "deleted",
+            )
+    return UserMessage("{program} was uploaded but is not listed", program=program)
+
+
+def _encoding(name: bytes) -> str:
+    """Return the encoding in which `show` reads a name (A-T-2)."""
+    try:
+        name.decode()
+    except UnicodeDecodeError:
+        return "GBK"
+    return "UTF-8"
+
+
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
 def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A program that was deleted is not in the list (L246, L260)."""
     if not _is_complete(x, robot) or not robot.history.deleted:
         return None
-    deletions = list(_deletions(_names(x), _begun_ns(x), robot))
+    deletions = list(deletions_of(listed_names(x), list_begun_ns(x), robot))
     if not deletions:
         return PASSED
     return failed(
@@ -198,7 +276,7 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
-def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
+def deletions_of(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
     """Yield the deletions of these names that were answered before this time."""
     for name in names:
         deletion = robot.history.deleted.get(name)
@@ -209,7 +287,7 @@ def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterato
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
 def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A deleted program cannot be downloaded or run (L260); a run may fail late (A-4.15-1)."""
-    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
+    deletion = next(deletions_of([x.request.text], x.time_ns, robot), None)
     if deletion is None or x.accepted is None:
         return None
     failed_late = x.outcome is not None and not x.outcome.done
@@ -229,6 +307,55 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("4.11/4", on=Exchange, names=("delete_program",))
+def deleted_once(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program that was deleted is not stored: its second deletion is answered "0" (L260)."""
+    deletion = next(deletions_of([x.request.text], x.time_ns, robot), None)
+    if deletion is None or x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    if x.time_ns - answered_ns(deletion) > MAX_UNSEEN_NS:
+        return None
+    return failed(
+        UserMessage(
+            "{program} was deleted twice with success, without an upload between",
+            program=show(x.request.text),
+        ),
+        expected="0",
+        observed="1",
+        at=(*places_of(deletion), *places_of(x)),
+    )
+
+
+@rule("4.11/2", on=Exchange, names=_LIST)
+def refused_deletion_keeps(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program whose deletion was answered "0" is still listed (L260)."""
+    refused = robot.history.last("delete_program", before_ns=x.time_ns)
+    before = robot.history.last("list_programs", before_ns=refused.time_ns) if refused else None
+    if refused is None or refused.accepted is not False or before is None:
+        return None
+    if robot.history.last_requests.get("delete_program") is not refused.request:
+        return None
+    if not _is_complete(x, robot) or answered_ns(refused) > list_begun_ns(x):
+        return None
+    name = refused.request.text
+    unseen = x.time_ns - before.time_ns > MAX_UNSEEN_NS or name in robot.history.deleted
+    if unseen or name not in listed_names(before):
+        return None
+    if name in listed_names(x):
+        return PASSED
+    return failed(
+        UserMessage(
+            "the deletion of {program} was answered 0, but it is not listed any more",
+            program=show(name),
+        ),
+        expected="1",
+        observed="0",
+        at=(*places_of(before), *places_of(refused), *places_of(x)),
+    )
+
+
 @rule("4.11/5", on=Exchange, names=("delete_program",))
 def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     """The running program is not deleted (A-4.11-1)."""
@@ -242,53 +369,3 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
         "allow",
         UserMessage("{program} was deleted while it ran", program=show(x.request_value or b"")),
     )
-
-
-# Code 20
-
-
-@rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
-def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Code 20 means that the program file does not exist (L1044)."""
-    failure = x.reply_value if x.accepted is False else x.outcome
-    if failure is None or failure.code != _MISSING:
-        return None
-    if x.name not in _RUNS:
-        return failed(
-            UserMessage(
-                "{command} names no program but was refused or failed with code 20", command=x.name
-            ),
-            expected="another code",
-            observed="20",
-        )
-    name = x.request.text
-    stored = robot.files.get(name)
-    if stored and is_valid_program(stored):
-        return failed(
-            UserMessage(
-                "{program} was refused or failed with code 20 although it was uploaded",
-                program=show(name),
-            ),
-            expected="1, or another code",
-            observed="20",
-            at=(*places_of(stored), *places_of(x)),
-        )
-    if stored or _is_listed(name, x, robot):
-        return tolerated(
-            "A-4.15-2",
-            "20",
-            UserMessage(
-                "code 20 was sent for {program}, which exists; the file may be damaged",
-                program=show(name),
-            ),
-        )
-    return PASSED
-
-
-def _is_listed(name: bytes, x: Exchange, robot: RobotState) -> bool:
-    """Return whether the last list contains it, and nothing was deleted since."""
-    programs = robot.history.last("list_programs", before_ns=x.time_ns)
-    deletion = robot.history.last_requests.get("delete_program")
-    if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
-        return False
-    return name in _names(programs)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.clock import contradicted
+from scaraspec.judge.rules.clock import contradicted, deviation_s, elapsed_s
 from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
@@ -24,6 +24,10 @@ _INFO: Final = ("get_running_program",)
 _STATUS: Final = ("get_status",)
 _RUN, _SIMULATE = "run_program", "simulate_program"
 _SECOND_NS: Final = 1_000_000_000
+_RIGHT_AFTER_NS: Final = 200_000_000
+"""Within this time after a status 00 no client that is not recorded can have begun a program."""
+_BEGIN_NS: Final = 5_000_000_000
+"""Maximum time from a request to its first reply (A-3-15)."""
 
 
 def _program(x: Exchange) -> Exchange | None:
@@ -96,6 +100,9 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     program = _program(x)
     if program is None or program.name != _RUN or x.reply_value is None:
         return None
+    run_time_s, most_s = x.reply_value.run_time_s, elapsed_s(program, x)[1]
+    if run_time_s > most_s and deviation_s(run_time_s, program, x):
+        return _counts_from_elsewhere(x, program)
     earlier = [
         y
         for y in robot.history.recent.get(x.name, ())
@@ -121,6 +128,19 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
+def _counts_from_elsewhere(x: Exchange, program: Exchange) -> RuleResult:
+    return failed(
+        UserMessage(
+            "the run time is longer than this run: {program} has begun {elapsed_s:.1f} s before",
+            program=show(program.request_value or b""),
+            elapsed_s=elapsed_s(program, x)[1],
+        ),
+        expected=f"at most {elapsed_s(program, x)[1]:.1f} s",
+        observed=f"{x.reply_value.run_time_s} s",
+        at=(program.request.place, *places_of(x)),
+    )
+
+
 @rule("4.9/6", on=Exchange, names=_INFO)
 def no_name_without_program(x: Exchange, robot: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
@@ -142,16 +162,36 @@ def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     for y in robot.history.between("get_running_program", begin_ns, x.time_ns):
         if y.reply_value:
-            return failed(
-                UserMessage(
-                    "the reply reports {program} as running although the robot is idle",
-                    program=show(y.reply_value.name),
-                ),
-                expected="0",
-                observed=observed(y.reply) if y.reply else "",
-                at=(*places_of(y), *places_of(x)),
-            )
+            return _runs_although_idle(y, x)
     return None
+
+
+@rule("4.9/6", on=Exchange, names=_INFO)
+def no_program_after_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A robot whose status is 00 right before, after all results, runs no program (L226, L237)."""
+    status, ended = robot.history.last("get_status", before_ns=x.time_ns), robot.history.accepted
+    idle = robot.history.idle_since_ns is not None and not robot.executing
+    if status is None or status.reply_value != "00" or not idle or not x.reply_value:
+        return None
+    if x.time_ns - answered_ns(status) > _RIGHT_AFTER_NS:
+        return None
+    since_ns = x.time_ns - robot.status_lag_ns
+    if ended and (ended[-1].result is None or ended[-1].result.place.time_ns > since_ns):
+        return None  # it may be the state of before (A-4.8-3)
+    begun = any(robot.history.is_pending(name, x.time_ns - _BEGIN_NS) for name in (_RUN, _SIMULATE))
+    return None if begun else _runs_although_idle(x, status)
+
+
+def _runs_although_idle(x: Exchange, status: Exchange) -> RuleResult:
+    return failed(
+        UserMessage(
+            "the reply reports {program} as running although the robot is idle",
+            program=show(x.reply_value.name),
+        ),
+        expected="0",
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(x), *places_of(status)),
+    )
 
 
 @rule("4.9/7", on=FrameSeen, names=_INFO, sender=C2A)

@@ -6,7 +6,15 @@ A value is compared with the last setting only if no later request could change 
 from collections.abc import Callable, Collection
 from typing import Any, Final
 
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    RuleResult,
+    failed,
+    inconclusive,
+    places_of,
+    rule,
+    tolerated,
+)
 from scaraspec.judge.rules.text import observed
 from scaraspec.judge.tolerances import read_back
 from scaraspec.traffic.events import Ending, Exchange
@@ -95,9 +103,15 @@ def refused_network(x: Exchange, robot: RobotState) -> RuleResult | None:
     return _unchanged("set_network", x, robot, 3)
 
 
-@rule("4.13/2", on=Exchange, names=("get_default_program",))
+@rule("4.13/2", "4.13/5", on=Exchange, names=("get_default_program",))
 def refused_default(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """After "0" the default program is unchanged (L284-L287)."""
+    """After "0" the default program is unchanged (L284-L287); a deletion may leave none."""
+    before = robot.history.last(x.name, before_ns=x.time_ns)
+    deletion = robot.history.last_requests.get("delete_program")
+    if before and deletion and deletion.place.time_ns > before.time_ns:
+        return None
+    if before and _may_be_unknown_opcode(x, robot, since_ns=before.time_ns):
+        return None
     return _unchanged("set_default_program", x, robot, 1)
 
 
@@ -114,7 +128,7 @@ def refused_position(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleResult | None:
-    """A refused value is not reported afterwards, unless it was reported before."""
+    """After a refusal the value is the one that was reported before."""
     refused = robot.history.last(setter, before_ns=x.time_ns)
     if refused is None or refused.accepted is not False or refused.request_value is None:
         return None
@@ -134,14 +148,22 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         _fields(y)[:count] for y in (x.reply_value, before.reply_value, refused.request_value)
     )
     changed = [
-        (value, wanted)
-        for value, wanted, was in zip(now, requested, former, strict=True)
+        (value, requested_value)
+        for value, requested_value, was in zip(now, requested, former, strict=True)
         if value != was
     ]
     if not changed:
         return PASSED
-    if any(value != wanted for value, wanted in changed):
-        return None  # an unrecorded client may have set it
+    if any(value != requested_value for value, requested_value in changed):
+        result = inconclusive(
+            UserMessage(
+                "{setter} was refused, but {query} then reports another value than before: either"
+                " the refused request changed it, which is a violation, or another client did",
+                setter=setter,
+                query=x.name,
+            )
+        )
+        return result._replace(places=(*places_of(before), *places_of(refused), *places_of(x)))
     return failed(
         UserMessage(
             "{setter} was refused, but {query} reports the requested value",
@@ -177,6 +199,54 @@ def wrong_old_password(x: Exchange, robot: RobotState) -> RuleResult | None:
     return failed(
         "a new password was accepted with a wrong old password", expected="0", observed="1"
     )
+
+
+@rule("4.2/4", on=Exchange, names=("login",))
+def new_password_opens(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """After "1" the new password opens the next login, and the old one does not (L123).
+
+    A controller may refuse further clients (A-2-2), so that a refusal alone proves nothing.
+    """
+    setting = in_force("set_password", x, robot)
+    if setting is None or x.accepted is None or setting.request_value is None:
+        return None
+    old, new = setting.request_value
+    if x.request_value not in (old, new) or old == new:
+        return None
+    opens = x.request_value == new
+    if x.accepted is opens:
+        return PASSED
+    at = (*places_of(setting), *places_of(x))
+    if opens:
+        message = "the new password was refused although 0x03 was answered 1"
+        return None if _others(x, robot) else inconclusive(message)._replace(places=at)
+    message = "the old password still opens a login although 0x03 was answered 1"
+    return failed(message, expected="0", observed="1", at=at)
+
+
+@rule("4.2/2", "4.2/5", on=Exchange, names=("login",))
+def refused_password(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """After "0" the new password opens no login (L123, L133)."""
+    refused = robot.history.last("set_password", before_ns=x.time_ns)
+    if refused is None or refused.accepted is not False or not refused.request_value:
+        return None
+    old, new = refused.request_value
+    last = robot.history.last_requests.get("set_password") is refused.request
+    unknown = old == new or new in robot.history.passwords
+    if not x.accepted or not last or unknown or x.time_ns - refused.time_ns > MAX_UNSEEN_NS:
+        return None
+    if x.request_value != new:
+        return PASSED if x.request_value == old else None
+    return failed(
+        "the new password opens a login although 0x03 was answered 0",
+        expected="0",
+        observed="1",
+        at=(*places_of(refused), *places_of(x)),
+    )
+
+
+def _others(x: Exchange, robot: RobotState) -> set[str]:
+    return robot.sessions - {x.request.place.connection}
 
 
 @rule("4.4/3", on=Exchange, names=("set_network",))

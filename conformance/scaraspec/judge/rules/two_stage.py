@@ -10,7 +10,8 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Defect, show
-from scaraspec.traffic.events import Exchange, FrameSeen, UnsolicitedReply
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, UnsolicitedReply
+from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
@@ -18,6 +19,17 @@ TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
 _LASTING_COMMANDS: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
+SUCCESS: Final = {
+    "run_program": "4.15/5",
+    "simulate_program": "4.16/3",
+    "emergency_stop": "4.17/4",
+    "reset": "4.18/4",
+    "set_tool_coordinates": "4.24/6",
+    "release_joints": "4.25/3",
+    "lock_joints": "4.26/3",
+    "jog": "4.28/5",
+}
+"""The requirement on the final result of a success, by command."""
 _QUERIES: Final = ("get_status", "get_time", "get_version")
 _IMMEDIATE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000
@@ -190,14 +202,6 @@ def _took_long(x: Exchange) -> bool:
 
 
 @rule("4/2", on=Exchange, names=TWO_STAGE)
-@rule("4.15/5", on=Exchange, names=("run_program",))
-@rule("4.16/3", on=Exchange, names=("simulate_program",))
-@rule("4.17/4", on=Exchange, names=("emergency_stop",))
-@rule("4.18/4", on=Exchange, names=("reset",))
-@rule("4.24/6", on=Exchange, names=("set_tool_coordinates",))
-@rule("4.25/3", on=Exchange, names=("release_joints",))
-@rule("4.26/3", on=Exchange, names=("lock_joints",))
-@rule("4.28/5", on=Exchange, names=("jog",))
 def success(x: Exchange, _: RobotState) -> RuleResult | None:
     """A successful final result is "11" (L318 and similar)."""
     if not x.result or x.result.frame.data[:1] == b"0":
@@ -209,6 +213,10 @@ def success(x: Exchange, _: RobotState) -> RuleResult | None:
         expected="11",
         observed=show(x.result.frame.data),
     )
+
+
+for _name, _requirement in SUCCESS.items():
+    rule(_requirement, on=Exchange, names=(_name,))(success)
 
 
 @rule("4/3", on=Exchange, names=TWO_STAGE)
@@ -281,13 +289,17 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4/16", on=Exchange, names=NOT_STOP)
-def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
+def not_repeated(x: Exchange, robot: RobotState) -> RuleResult | None:
     """The client does not repeat a request whose final result is outstanding (A-4-2).
 
     A capture does not show whether the client or its user repeated the request.
     """
-    if all(y.name != x.name or y.request_value != x.request_value for y in x.concurrent):
+    same = [y for y in x.concurrent if (y.name, y.request_value) == (x.name, x.request_value)]
+    if not same:
         return PASSED
+    if _has_reconnected(x, same[0], robot):
+        since_ns = x.time_ns - same[0].time_ns
+        return _repeated(x, same[0], "its client has connected again", since_ns)
     return tolerated(
         "A-4-2",
         "asked again",
@@ -307,16 +319,33 @@ def not_repeated_after_a_lost_link(x: Exchange, robot: RobotState) -> RuleResult
     since_ns = x.time_ns - lost.lost_ns
     if not 0 <= since_ns <= _REPEATED_NS:
         return None
+    return _repeated(x, lost.exchange, "its link had ended before its final result", since_ns)
+
+
+def _has_reconnected(x: Exchange, y: Exchange, robot: RobotState) -> bool:
+    """Whether the connection of `x` has logged in after `y`, and that of `y` is silent since."""
+    here, there = x.request.place.connection, y.request.place.connection
+    logins = (z for z in robot.history.recent.get("login", ()) if z.time_ns > answered_ns(y))
+    login = next((z for z in logins if z.request.place.connection == here), None)
+    if here == there or login is None:
+        return False
+    requests = robot.history.last_requests.values()
+    return not any(
+        z.place.connection == there and z.place.time_ns > login.time_ns for z in requests
+    )
+
+
+def _repeated(x: Exchange, first: Exchange, why: str, since_ns: int) -> RuleResult:
     result = inconclusive(
         UserMessage(
-            "{command} was requested again {since_s:.1f} s after its link had ended before its"
-            " final result: either the client repeated it by itself, which is a violation, or its"
-            " user started it again",
+            "{command} was requested again {since_s:.1f} s after {why}: either the client repeated"
+            " it by itself, which is a violation, or its user started it again",
             command=x.name,
             since_s=since_ns / 1e9,
+            why=why,
         )
     )
-    return result._replace(places=(lost.exchange.request.place, x.request.place))
+    return result._replace(places=(first.request.place, x.request.place))
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)
@@ -336,6 +365,17 @@ def jog_byte(seen: FrameSeen, _robot: RobotState) -> RuleResult | None:
 
 
 # Shutdown has no second stage
+
+
+@rule("4.35/2", on=Exchange, names=("shutdown",))
+def shutdown_is_answered(x: Exchange, _: RobotState) -> RuleResult | None:
+    """The reply "1" comes before the shutdown begins (L696); a link can also fail by itself."""
+    if x.reply or x.ending is not Ending.HUNG_UP:
+        return None
+    return inconclusive(
+        "the controller closed the connection without a reply to 0x60: either it shut down without"
+        " a reply, which is a violation, or the link failed"
+    )
 
 
 @rule("4.35/5", on=Exchange, names=("shutdown",))

@@ -16,7 +16,6 @@ UNDECIDED: Mapping[str, str] = MappingProxyType(
         "4.31/3": _NO_SECOND_SOURCE,
         "5.2/20": "the file at its sender is not in the recording; 5.2/12 compares both ways",
         "7/1": _GEOMETRY,
-        "7/3": _GEOMETRY,
         "7/4": _GEOMETRY,
         "8/4": "only the robot knows which motors are faulty",
     }

@@ -8,14 +8,14 @@ from scaraspec.client.core import ClientCore, Event, UnexpectedFrame
 from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant, row
 from scaraspec.mutants.operators.client.frames import (
-    deaf_after,
+    ignores_after,
     received,
     received_bytes,
     received_items,
     received_while,
 )
 from scaraspec.mutants.operators.client.process_memory import memory
-from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.payloads import FLAG
@@ -150,13 +150,13 @@ row(
     "goes-deaf-at-the-undefined",
     "3/22",
     "After a frame with an undefined opcode, all received bytes are ignored.",
-    deaf_after(lambda frame: frame.opcode not in BY_OPCODE),
+    ignores_after(lambda frame: frame.opcode not in BY_OPCODE),
 )
 row(
     "goes-deaf-at-undefined-results",
     "3/22",
     "After a tagged frame with an undefined opcode, all received bytes are ignored.",
-    deaf_after(lambda frame: frame.tagged and frame.opcode not in BY_OPCODE),
+    ignores_after(lambda frame: frame.tagged and frame.opcode not in BY_OPCODE),
     subtle=True,
 )
 
@@ -207,9 +207,9 @@ _GET_TOOL = BY_NAME["get_tool_coordinates"].opcode
 
 
 def _as_reply_to_oldest(frame: Frame, pending: list[PendingOperation]) -> Frame:
-    asked = [each for each in pending if each.stage is Stage.REQUESTED]
-    if asked and not frame.tagged:
-        return frame._replace(opcode=asked[0].command.opcode)
+    requested = [each for each in pending if each.stage is Stage.REQUESTED]
+    if requested and not frame.tagged:
+        return frame._replace(opcode=requested[0].command.opcode)
     return frame
 
 
@@ -221,8 +221,8 @@ def _as_reply_to_setting(frame: Frame, pending: list[PendingOperation]) -> Frame
 
 
 def _as_initial_position(frame: Frame, pending: list[PendingOperation]) -> Frame:
-    asked = [each.command.opcode for each in pending]
-    if frame.opcode == _GET_TOOL and _GET_INITIAL in asked and _GET_TOOL not in asked:
+    requested = [each.command.opcode for each in pending]
+    if frame.opcode == _GET_TOOL and _GET_INITIAL in requested and _GET_TOOL not in requested:
         return frame._replace(opcode=_GET_INITIAL)
     return frame
 
@@ -312,28 +312,36 @@ class KeepsLateReplies(ClientCore):
             self._dispatch(late, now_s)
 
 
+@mutant("takes-late-replies", "3/33", subtle=True)
+class TakesLateReplies(ClientCore):
+    """The late reply to a request that timed out answers the next request of that command."""
+
+    def _is_owed(self, parsed: Parsed) -> bool:  # noqa: ARG002 - it owes nothing
+        return False
+
+
 # Bytes that are not a frame
 
 
-def _deaf_after_skipped(reason: SkipReason, least_bytes: int = 1) -> type[ClientCore]:
+def _ignores_after_skipped(reason: SkipReason, least_bytes: int = 1) -> type[ClientCore]:
     """After skipped bytes, all received bytes are ignored."""
 
-    class DeafAfterSkipped(ClientCore):
-        deaf = False
+    class IgnoresAfterSkipped(ClientCore):
+        ignoring = False
 
         def feed(self, data: bytes, now_s: float) -> list[Event]:
-            return [] if self.deaf else super().feed(data, now_s)
+            return [] if self.ignoring else super().feed(data, now_s)
 
         def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-            heard = []
+            kept = []
             for item in found:
                 if isinstance(item, Skipped) and item.reason is reason:
-                    self.deaf |= item.size_bytes >= least_bytes
-                if not self.deaf:
-                    heard.append(item)
-            return super()._process_items(heard, now_s)
+                    self.ignoring |= item.size_bytes >= least_bytes
+                if not self.ignoring:
+                    kept.append(item)
+            return super()._process_items(kept, now_s)
 
-    return DeafAfterSkipped
+    return IgnoresAfterSkipped
 
 
 def _no_results_while(*commands: str) -> type[ClientCore]:
@@ -362,20 +370,20 @@ row(
     "goes-deaf-at-stray-bytes",
     "3/19",
     "After a byte between frames, all received bytes are ignored.",
-    _deaf_after_skipped(SkipReason.STRAY),
+    _ignores_after_skipped(SkipReason.STRAY),
 )
 row(
     "goes-deaf-at-many-stray-bytes",
     "3/19",
     "After a hundred or more bytes between frames, all received bytes are ignored.",
-    _deaf_after_skipped(SkipReason.STRAY, 100),
+    _ignores_after_skipped(SkipReason.STRAY, 100),
     subtle=True,
 )
 row(
     "goes-deaf-at-wrong-ends",
     "3/20",
     "After a frame with a wrong end byte, all received bytes are ignored.",
-    _deaf_after_skipped(SkipReason.BAD_END),
+    _ignores_after_skipped(SkipReason.BAD_END),
 )
 row(
     "loses-results-among-chunks",

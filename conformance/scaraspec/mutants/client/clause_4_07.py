@@ -3,7 +3,7 @@
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.results import Status
 from scaraspec.mutants.client import mutant, row
-from scaraspec.mutants.operators.client.frames import deaf_after
+from scaraspec.mutants.operators.client.frames import ignores_after
 from scaraspec.mutants.operators.client.messages import reply_data, request_data, returned
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.errors import lookup
@@ -100,7 +100,7 @@ row(
     "goes-deaf-at-unknown-codes",
     "4.8/11",
     "After a status code that is not in table 8-1, all received bytes are ignored.",
-    deaf_after(_is_unknown_status),
+    ignores_after(_is_unknown_status),
     subtle=True,
 )
 row(

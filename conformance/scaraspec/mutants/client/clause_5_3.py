@@ -168,13 +168,13 @@ class AcceptsStrayChunks(ClientCore):
             self._send([chunk_reply(accepted=True, dialect=self.dialect)])
 
 
-_PROMISE = bytes((0xCC, DOWNLOAD_NAME, 1)) + b"1\xaa"
+_NAME_REPLY = bytes((0xCC, DOWNLOAD_NAME, 1)) + b"1\xaa"
 
 row(
     "drops-what-comes-with-the-promise",
     "5.3/5",
     "Bytes in the same segment after the reply to the name of a download are lost.",
-    received_bytes(lambda data: _PROMISE if data.startswith(_PROMISE) else data),
+    received_bytes(lambda data: _NAME_REPLY if data.startswith(_NAME_REPLY) else data),
     subtle=True,
 )
 

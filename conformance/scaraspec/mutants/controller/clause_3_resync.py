@@ -19,18 +19,20 @@ from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Session
 
 
-def _deaf_after(why: SkipReason) -> Core:
+def _ignores_after(why: SkipReason) -> Core:
     """Bytes are ignored on a connection after a run of skipped bytes."""
 
-    class Deaf(RequestFramer):
-        _deaf = False
+    class Ignores(RequestFramer):
+        _ignoring = False
 
         def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
-            found = [] if self._deaf else super().receive(data, now_s)
-            self._deaf |= any(isinstance(item, Skipped) and item.reason is why for item in found)
+            found = [] if self._ignoring else super().receive(data, now_s)
+            self._ignoring |= any(
+                isinstance(item, Skipped) and item.reason is why for item in found
+            )
             return found
 
-    return with_framer(Deaf)
+    return with_framer(Ignores)
 
 
 class LosesNextFrame(RequestFramer):
@@ -104,7 +106,7 @@ row(
     "deaf-after-stray-bytes",
     "3/19 3/31",
     "After stray bytes all bytes on a connection are ignored, but it stays open.",
-    _deaf_after(SkipReason.STRAY),
+    _ignores_after(SkipReason.STRAY),
 )
 row(
     "loses-request-after-stray-bytes",
@@ -144,7 +146,7 @@ row(
     "deaf-after-wrong-ends",
     "3/20 3/31",
     "After a wrong end byte all bytes on a connection are ignored, but it stays open.",
-    _deaf_after(SkipReason.BAD_END),
+    _ignores_after(SkipReason.BAD_END),
 )
 
 

@@ -275,15 +275,15 @@ class LosesFortiethResult(ControllerCore):
 class LosesResultAfterQuery(ControllerCore):
     """A run in which the time was requested after half a second has no final result."""
 
-    _asked_s = -1.0
+    _requested_s = -1.0
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         if frame.opcode == 0x07:
-            self._asked_s = now_s
+            self._requested_s = now_s
         super().handle(session, frame, now_s)
 
     def send_result(self, request: Request, outcome: Outcome) -> None:
-        if request.command.name != "run_program" or self._asked_s - request.now_s < 0.5:
+        if request.command.name != "run_program" or self._requested_s - request.now_s < 0.5:
             super().send_result(request, outcome)
 
 
@@ -489,12 +489,12 @@ row(
 class ReportsIdleSometimes(ControllerCore):
     """Every tenth status is 00 even if a program runs."""
 
-    _asked = 0
+    _queries = 0
 
     def get_status(self, request: Request) -> str:
-        self._asked += 1
+        self._queries += 1
         now = super().get_status(request)
-        return "00" if now == "01" and self._asked % 10 == 0 else now
+        return "00" if now == "01" and self._queries % 10 == 0 else now
 
 
 row(

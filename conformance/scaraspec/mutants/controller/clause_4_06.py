@@ -123,17 +123,17 @@ row(
 class LosesLongIdleTimes(ControllerCore):
     """If the time is not read for more than a minute, the clock advances by only one minute."""
 
-    _asked_s: float | None = None
+    _requested_s: float | None = None
     _lost_s = 0.0
 
     def set_time(self, request: Request) -> bool:
-        self._asked_s, self._lost_s = request.now_s, 0.0
+        self._requested_s, self._lost_s = request.now_s, 0.0
         return super().set_time(request)
 
     def get_time(self, request: Request) -> datetime:
-        if self._asked_s is not None:
-            self._lost_s += max(request.now_s - self._asked_s - 60.0, 0.0)
-        self._asked_s = request.now_s
+        if self._requested_s is not None:
+            self._lost_s += max(request.now_s - self._requested_s - 60.0, 0.0)
+        self._requested_s = request.now_s
         return super().get_time(request) - timedelta(seconds=self._lost_s)
 
 

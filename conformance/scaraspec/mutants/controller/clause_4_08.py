@@ -89,31 +89,31 @@ class MovesLate(ControllerCore):
 class RunsForOtherConnections(ControllerCore):
     """After a request for the version, every second connection reads the status 01 when idle."""
 
-    _asked = False
+    _queried = False
 
     def get_version(self, request: Request) -> str:
-        self._asked = True
+        self._queried = True
         return super().get_version(request)
 
     def get_status(self, request: Request) -> str:
         status = super().get_status(request)
         is_other = request.session.connection % 2 == 0
-        return RUNNING if status == IDLE and self._asked and is_other else status
+        return RUNNING if status == IDLE and self._queried and is_other else status
 
 
 @mutant("status-is-reserved", "4.8/3", "4.8/9")
 class ReportsReservedStatus(ControllerCore):
     """The first status after a request for the version is 07."""
 
-    _asked = False
+    _queried = False
 
     def get_version(self, request: Request) -> str:
-        self._asked = True
+        self._queried = True
         return super().get_version(request)
 
     def get_status(self, request: Request) -> str:
-        asked, self._asked = self._asked, False
-        return "07" if asked else super().get_status(request)
+        queried, self._queried = self._queried, False
+        return "07" if queried else super().get_status(request)
 
 
 @mutant("missing-program-stays-in-the-status", "4.8/3", "4.8/9", subtle=True)

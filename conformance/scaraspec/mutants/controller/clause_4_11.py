@@ -51,10 +51,10 @@ def _finds(fits: Callable[[bytes, bytes], bool]) -> Core:
     """If the name is not stored, the first stored name that `fits` accepts is deleted."""
 
     def find(core: ControllerCore, frame: Frame, value: bytes | None) -> bytes | None:
-        asked = frame.data
-        if asked in core.store:
+        requested = frame.data
+        if requested in core.store:
             return value
-        return next((name for name in core.store.names() if fits(asked, name)), value)
+        return next((name for name in core.store.names() if fits(requested, name)), value)
 
     return decoded("delete_program", find)
 
@@ -156,27 +156,27 @@ row(
     "deletes-by-beginning",
     "4.11/4",
     "The beginning of a name deletes the program.",
-    _finds(lambda asked, name: bool(asked) and name.startswith(asked)),
+    _finds(lambda requested, name: bool(requested) and name.startswith(requested)),
 )
 row(
     "deletes-by-longer-name",
     "4.11/4",
     "Bytes after the name of a deleted program are ignored.",
-    _finds(lambda asked, name: asked.startswith(name)),
+    _finds(lambda requested, name: requested.startswith(name)),
 )
 row(
     "deletes-whatever-the-extension",
     "4.11/4",
     "A name without extension deletes the program with an extension.",
-    _finds(lambda asked, name: bool(asked) and asked == name.rpartition(b".")[0]),
+    _finds(lambda requested, name: bool(requested) and requested == name.rpartition(b".")[0]),
 )
 row(
     "deletes-by-pattern",
     "4.11/4",
     "Asterisks and question marks in a name are wildcards.",
     _finds(
-        lambda asked, name: (
-            bool(asked) and fnmatchcase(name.decode("latin-1"), asked.decode("latin-1"))
+        lambda requested, name: (
+            bool(requested) and fnmatchcase(name.decode("latin-1"), requested.decode("latin-1"))
         )
     ),
 )
@@ -184,7 +184,9 @@ row(
     "deletes-up-to-the-bar",
     "4.11/4",
     "A bar and the bytes after it are ignored, and the beginning of a name is sufficient.",
-    _finds(lambda asked, name: b"|" in asked and name.startswith(asked.partition(b"|")[0])),
+    _finds(
+        lambda requested, name: b"|" in requested and name.startswith(requested.partition(b"|")[0])
+    ),
 )
 row(
     "deletes-by-the-last-part",

@@ -219,9 +219,9 @@ class Node:
         _check_integer("nodeType", self.type, 8, signed=False)
         _check_integer("speedRate", self.speed_rate, 8, signed=True)
         _check_integer("counts", self.counts, 8, signed=False)
-        wanted = DATA_OF_TYPE.get(self.type)
-        if (None if self.data is None else type(self.data)) is not wanted:
-            needed = "no data" if wanted is None else wanted.__name__
+        expected = DATA_OF_TYPE.get(self.type)
+        if (None if self.data is None else type(self.data)) is not expected:
+            needed = "no data" if expected is None else expected.__name__
             raise ValueError(f"a node of type {self.type} needs {needed}, not {self.data}")
 
 

@@ -3,7 +3,7 @@
     python3 THIS_FILE HOST[:PORT] [--yes]
 
 SCARASPEC_PASSWORD is the password of the controller, by default "password". Exit status: 0 the
-recorded behaviour came again, 1 another one came, 2 the controller cannot be used.
+recorded behaviour occurred again, 1 another one occurred, 2 the controller cannot be used.
 """
 
 import os
@@ -39,7 +39,7 @@ def main() -> int:
         again = repeat((host, int(port)))
     except OSError as error:
         return refuse(f"the connection to {host} failed: {error}")
-    print("\nThe recorded behaviour came again." if again else "\nAnother behaviour came.")
+    print("\nThe recorded behaviour occurred again." if again else "\nAnother behaviour occurred.")
     return 0 if again else 1
 
 

@@ -138,7 +138,7 @@ class CaseRunner(CaseCollector):
         """Run one case, or record the reason why it does not run."""
         if not is_case(item):
             return None
-        self._end_if_asked()
+        self._end_if_requested()
         case = case_of(item)
         outcome = self._known(case)
         if outcome is None:
@@ -355,7 +355,7 @@ class CaseRunner(CaseCollector):
         self._raised = None
         with count_examples() as tally:
             self.reports = runtestprotocol(item, log=False, nextitem=nextitem)
-        self._end_if_asked()
+        self._end_if_requested()
         outcome = unless_dependent(self._outcome(case), root_cause(self._raised))
         outcome = self._unless_withheld(outcome)
         if outcome.requirement in _STOP_WORKS:
@@ -377,7 +377,7 @@ class CaseRunner(CaseCollector):
             operator=requests,
         )
 
-    def _end_if_asked(self) -> None:
+    def _end_if_requested(self) -> None:
         """End the run if the user has interrupted it.
 
         The exception of a signal can be lost: during garbage collection, or because hypothesis
@@ -386,7 +386,7 @@ class CaseRunner(CaseCollector):
         Raises:
             KeyboardInterrupt: The user has interrupted the run.
         """
-        if self.subject.observer.interruption.asked or was_interrupted(self._raised):
+        if self.subject.observer.interruption.requested or was_interrupted(self._raised):
             raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:
@@ -438,8 +438,8 @@ class CaseRunner(CaseCollector):
         """The outcome of a failure; a dependency that failed has its own requirement."""
         requirement, command = error.requirement, error.due[0] if error.due else ""
         if error.preparation and not is_about(case, requirement, command):
-            owed = error.owed if isinstance(error, NoReply) else ""
-            requirement = requirement or owed or self.subject.survival_requirement
+            reply_requirement = error.reply_requirement if isinstance(error, NoReply) else ""
+            requirement = requirement or reply_requirement or self.subject.survival_requirement
             error.preparation = bool(requirement)
         else:
             error.preparation = False

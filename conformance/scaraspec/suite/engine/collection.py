@@ -14,6 +14,7 @@ from scaraspec.judge.requirements import Method
 from scaraspec.report.model import Role
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_collector import CaseCollector
+from scaraspec.suite.engine.hypothesis_profile import without_constants
 from scaraspec.suite.engine.plan import Options, is_selected
 from scaraspec.user_message import UserMessage
 
@@ -72,13 +73,13 @@ def run_pytest(
     forget_cases(role)
     plugins = ("-phypothesispytest", *(f"-pno:{name}" for name in _NOT_NEEDED))
     alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
-    heard = (
+    output = (
         ("--capture=no",) if options.attended else ()
     )  # an operator reads prompts and types replies
     how = (*_SIMPLE, *(["--collect-only"] if only_collect else ()))
-    with _without_user_settings():
+    with _without_user_settings(), without_constants():
         status = pytest.main(
-            [*map(str, where), *alone, *plugins, *heard, *how],
+            [*map(str, where), *alone, *plugins, *output, *how],
             plugins=[collector, _ShortTracebacks(), _OnlyThese(where)],
         )
     if collector.suite_errors:

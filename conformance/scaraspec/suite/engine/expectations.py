@@ -35,7 +35,7 @@ _MOMENT: Final[ContextVar[Callable[[], Moment]]] = ContextVar("moment", default=
 def observed_by(moment: Callable[[], Moment]) -> Iterator[None]:
     """Let failures note the moment at which they occur while the context is active.
 
-    A case sends more after a failure, to put back what it has changed.
+    After a failure a case sends more frames, to restore its changes.
     """
     token = _MOMENT.set(moment)
     try:
@@ -74,10 +74,10 @@ class NoReply(CaseFailed):
     """A request was not answered, or the subject closed the connection instead (3/31).
 
     Attributes:
-        owed: The requirement that such a reply is sent; empty if there is none.
+        reply_requirement: The requirement that such a reply is sent; empty if there is none.
     """
 
-    owed = ""
+    reply_requirement = ""
 
 
 class NotConnected(NoReply):

@@ -9,6 +9,8 @@ The seed is set as hypothesis' own pytest option ``--hypothesis-seed`` sets it: 
 functions that a case makes while it runs, too.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Final
 
@@ -46,9 +48,8 @@ class HypothesisProfile:
             print_blob=False,
         )
         settings.load_profile(_PROFILE)
-        no_constants = getattr(providers, "Constants", tuple)
         self._patch.setattr(core, "global_force_seed", self._seed)
-        self._patch.setattr(providers, "_get_local_constants", no_constants, raising=False)
+        _hide_constants(self._patch)
         _clear_constants()
 
     def __exit__(
@@ -61,6 +62,23 @@ class HypothesisProfile:
         settings.load_profile(self._before)
         self._patch.undo()
         _clear_constants()
+
+
+@contextmanager
+def without_constants() -> Iterator[None]:
+    """Keep hypothesis from reading the local modules while it collects cases.
+
+    It would read hundreds of files, and write a folder where the user works.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        _hide_constants(patch)
+        yield
+
+
+def _hide_constants(patch: pytest.MonkeyPatch) -> None:
+    """Hide the constants of local modules from hypothesis."""
+    no_constants = getattr(providers, "Constants", tuple)
+    patch.setattr(providers, "_get_local_constants", no_constants, raising=False)
 
 
 def _clear_constants() -> None:

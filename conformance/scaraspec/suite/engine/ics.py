@@ -39,7 +39,7 @@ def read_document(path: Path) -> dict[str, Any]:
         raise UnreadableIcsError(
             UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also no UTF-8, and too large a number
         raise UnreadableIcsError(
             UserMessage("{path} is not valid TOML: {error}", path=path, error=error)
         ) from None
@@ -100,7 +100,7 @@ class Ics:
     @property
     def reply_s(self) -> float:
         """The reply timeout in seconds."""
-        return self.dialect.seconds("reply_timeout") or 5.0
+        return float(self.dialect["reply_timeout"])
 
     @property
     def timing_summary(self) -> dict[str, str]:
@@ -114,7 +114,7 @@ class Ics:
     @property
     def transfer_s(self) -> float:
         """The silence after which the subject aborts a transfer, in seconds (5.4, L795)."""
-        return self.dialect.seconds("xfer_timeout") or 30.0
+        return float(self.dialect["xfer_timeout"])
 
     @property
     def undecidable_requirements(self) -> frozenset[str]:

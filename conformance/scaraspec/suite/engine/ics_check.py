@@ -6,7 +6,7 @@ from typing import Any, Final
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.transports.link import LinkError
-from scaraspec.transports.url import Tcp, parse
+from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 
 _TRANSFERS: Final = ("upload_name", "download_name")
@@ -130,7 +130,7 @@ def _about_the_link(ics: Ics) -> Iterator[str]:
     except LinkError as error:
         yield UserMessage("subject.url: {error}", error=error)
         return
-    if isinstance(link, Tcp):
+    if link.needs_login:
         if "login" in ics.unsupported:
             yield "subject.lacks names login, but subject.url is a TCP link, which needs one (L83)"
         return

@@ -12,11 +12,11 @@ class Interruption:
     """A request to end the run. As a context manager it makes its body one step.
 
     Attributes:
-        asked: The user has requested the end of the run.
+        requested: The user has requested the end of the run.
     """
 
     def __init__(self) -> None:
-        self.asked = self._pending = False
+        self.requested = self._pending = False
         self._steps = 0
 
     def ask(self) -> None:
@@ -25,7 +25,7 @@ class Interruption:
         Raises:
             KeyboardInterrupt: No step is running.
         """
-        self.asked = True
+        self.requested = True
         if not self._steps:
             raise KeyboardInterrupt
         self._pending = True

@@ -87,7 +87,7 @@ class CaseFinding:
 
 
 Take = Callable[[WireEvent], None]
-Hear = Callable[[TrafficEvent | Finding], None]
+Handle = Callable[[TrafficEvent | Finding], None]
 
 
 class Observer:
@@ -98,7 +98,7 @@ class Observer:
         ics: The claims of the subject.
         needs_login: False for a serial link (L83).
         take: Called with every wire event, for a recording.
-        hear: Called with every traffic event and finding, for statistics.
+        handle: Called with every traffic event and finding, for statistics.
         interruption: Ends the run; None for a new one.
 
     Attributes:
@@ -117,7 +117,7 @@ class Observer:
         *,
         needs_login: bool = True,
         take: Take = lambda _: None,
-        hear: Hear = lambda _: None,
+        handle: Handle = lambda _: None,
         interruption: Interruption | None = None,
     ) -> None:
         self.interruption = interruption or Interruption()
@@ -129,7 +129,7 @@ class Observer:
         self._time_ns = 0
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unsolicited: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
-        self._take, self._hear = take, hear
+        self._take, self._handle = take, handle
         self._ignored: tuple[str, ...] = ()
         self.budget = WaitBudget()
 
@@ -198,7 +198,7 @@ class Observer:
     def _listen(self, items: Iterator[TrafficEvent | Finding]) -> None:
         event: TrafficEvent | None = None
         for item in items:
-            self._hear(item)
+            self._handle(item)
             if not isinstance(item, Finding):
                 event = item
                 if isinstance(item, FrameSeen):  # most items; what follows is about others

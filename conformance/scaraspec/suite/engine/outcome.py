@@ -1,4 +1,4 @@
-"""Outcome: what came of a case, and how exceptions of a case are read."""
+"""Outcome: the result of a case, which follows from the exceptions that it raises."""
 
 from dataclasses import dataclass, replace
 

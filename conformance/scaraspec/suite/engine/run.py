@@ -89,7 +89,7 @@ class Run(Generic[P]):
             adapter.ics,
             needs_login=adapter.needs_login,
             take=take,
-            hear=self._stats.add,
+            handle=self._stats.add,
             interruption=interruption,
         )
         self.interruption = self._observer.interruption
@@ -309,11 +309,11 @@ class Run(Generic[P]):
     def _dialect(self) -> dict[str, ReadingSeen]:
         """Return the observed readings by key, or else those that a case tolerated."""
         readings = self._readings()
-        told = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
-        told |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
+        seen_options = {*chain.from_iterable(o.readings for o in self.case_runner.outcomes)}
+        seen_options |= {s.finding.reading for s in self._observer.findings if s.finding.reading}
         for key, reading in READINGS.items():
             seen = readings.get(key, ReadingSeen((), default=False, mixed=False))
-            options = tuple(o.name for o in reading.options if (key, o.name) in told)
+            options = tuple(o.name for o in reading.options if (key, o.name) in seen_options)
             if options and not seen.options:
                 readings[key] = replace(
                     seen, options=options, default=options == (reading.default,)
@@ -340,11 +340,11 @@ class Run(Generic[P]):
 
     def _wrong_claims(self) -> Iterator[Outcome]:
         """Yield a failure for each claimed reading that contradicts an observation."""
-        told = {outcome.observed for outcome in self.case_runner.outcomes}
+        seen_options = {outcome.observed for outcome in self.case_runner.outcomes}
         for key, seen in self._readings().items():
             if seen.claimed is None:
                 continue
-            named = (o for o in ("silence", seen.claimed) if f"{key} = {o}" in told)
+            named = (o for o in ("silence", seen.claimed) if f"{key} = {o}" in seen_options)
             options = (*seen.options, *named)  # a case need not wait until silence is sure
             if not options or seen.claimed in options:
                 continue

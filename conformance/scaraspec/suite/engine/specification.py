@@ -12,6 +12,9 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Tool
 from scaraspec.suite.engine.case_sheet import CaseSheet
 
+MARK: Final = '<meta name="generator" content="scaraspec cases">'
+"""What every test specification contains."""
+
 INTRO: Final = (
     (
         "Each case has a positive control before and after it: a connection, a login and a status "

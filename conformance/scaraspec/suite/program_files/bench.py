@@ -306,11 +306,11 @@ class Bench:
 
         If it was missing before and has never come, an idle status shows this before the deadline.
         """
-        due, patience = ExpectedReply(command, result=True), self._subject.patience
+        due, timeout_policy = ExpectedReply(command, result=True), self._subject.timeout_policy
         if deadline.expired:
-            patience.note_timeout(due)
+            timeout_policy.note_timeout(due)
             return True
-        known = patience.given_up(due) and self.is_responsive
+        known = timeout_policy.given_up(due) and self.is_responsive
         return known and status_of(self._subject, self._line) == IDLE
 
     def until(self, port: int, *, on: bool, within_s: float) -> bool:

@@ -191,7 +191,7 @@ def _try(
     if result is not None:
         return LayoutTrial(requested_s, answer.time_s, result.time_s) if result.done else None
     if status_of(subject, line) == IDLE:
-        subject.patience.note_timeout(ExpectedReply("run_program", result=True))
+        subject.timeout_policy.note_timeout(ExpectedReply("run_program", result=True))
         return LayoutTrial(requested_s, answer.time_s, ran_until_s)
     if line.ask("emergency_stop").accepted:
         line.result("emergency_stop")

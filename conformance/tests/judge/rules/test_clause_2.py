@@ -1,4 +1,4 @@
-"""Clause 2: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Clause 2: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import pytest
 CASES = (
     ("2/1", "pass", "login"),
     ("2/1", "fail", "< open"),
-    # Whoever comes late does not see it opened.
+    # An observer that starts later does not see the connection opened.
     ("2/1", "none", "> gap\n> get_status"),
     ("2/3", "pass", "> open 192.0.2.1:50000 → 192.0.2.2:8877"),
     ("2/3", "none", "> open 192.0.2.1:50000 → 192.0.2.2:18877"),
@@ -15,16 +15,16 @@ CASES = (
     ("2/4", "pass", "login"),
     ("2/4", "fail 3/32", "> = 16 03 01 02 00 01 00 01 FC 03 03"),
     ("2/4", "fail 3/32", "< = 1F 8B 08 00 00 00 00 00 00 03"),
-    # In the middle of a stream the same bytes are just stray.
+    # In the middle of a stream the same bytes are ordinary stray bytes.
     ("2/4", "pass 3/32", "login\n> = 16 03 01 02\n> get_status\n< get_status 00"),
     ("2/10", "pass", "login\n> get_status\n< get_status 00"),
     ("2/10", "fail", "> get_status\n< get_status 00"),
     ("2/10", "fail", "> get_status\n+20\n> close"),
     ("2/10", "none", "> gap\n> get_status\n< get_status 00"),
     ("2/10", "none", "> emergency_stop\n< emergency_stop 0"),
-    # Behind a refused login 4.1/5 says it.
+    # After a refused login the violation is of 4.1/5.
     ("2/10", "none 4.1/5", "> login x\n< login 0\n> get_status"),
-    # The login was sent first; its answer is on its way.
+    # The login was sent first; its reply is on the way.
     ("2/10", "pass", "> login password\n> get_status\n< login 1\n< get_status 00"),
     (
         "2/10",
@@ -42,7 +42,7 @@ CASES = (
     ("2/11", "fail 4.1/5", "> login x\n< login 0\n> delete_program a.rob\n< delete_program 1"),
     ("2/11", "none", "login\n> reset\n< reset 1\n<90 reset 11"),
     ("2/11", "tolerated A-4-4=stop served", "> emergency_stop\n< emergency_stop 1"),
-    # It is answered when the login has been.
+    # The request is answered after the login succeeded.
     (
         "2/11",
         "none",
@@ -58,7 +58,7 @@ PASSES_ONLY = {"2/3": "to another port the user may have sent the client"}
 def test_clause_2(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)
 
 
@@ -70,6 +70,6 @@ def test_reading_without_a_login_is_tolerated(judged: Callable) -> None:
 
 
 def test_a_serial_link_needs_no_login(judged: Callable) -> None:
-    """There nothing is forbidden before one (L83)."""
+    """A serial link permits every request without a login (L83)."""
     session = "> delete_program a.rob\n< delete_program 1"
     assert not judged(session, needs_login=False).failed

@@ -1,4 +1,4 @@
-"""The clock: each requirement on traffic that keeps it, and on traffic that does not."""
+"""The clock: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -40,7 +40,7 @@ CASES = (
     ("4.5/4", "fail", SET.format(value=NOON, reply="1", pause=10, answer=NOON)),
     ("4.5/4", "fail", SET.format(value="99991231235959", reply="1", pause=9, answer=NOON)),
     ("4.5/4", "none", SET.format(value=NOON, reply="0", pause=0, answer=LATER)),
-    # A wrong rate is another requirement's.
+    # A clock with a wrong rate violates another requirement.
     ("4.5/4", "none", SET.format(value=NOON, reply="1", pause=100, answer=NOON)),
     ("4.6/4", "pass", READ.format(first=NOON, between="+10", second=LATER)),
     ("4.6/4", "pass", READ.format(first=NOON, between="+0.1", second=NOON)),
@@ -48,13 +48,13 @@ CASES = (
     ("4.6/4", "fail", READ.format(first=LATER, between="", second="20260101120009")),
     ("4.6/4", "fail", READ.format(first=NOON, between="+10", second=NOON)),
     ("4.6/4", "fail", READ.format(first=NOON, between="", second=LATER)),
-    # Each step is within the tolerance, and their sum is not.
+    # Each step is within the tolerance, but their sum is not.
     ("4.6/4", "fail", "login\n" + HURRIED),
     ("4.6/4", "pass", "login\n" + JUMP.format(pause=20)),
-    # The clock runs; that it lags behind once may be a step of the recording's.
+    # The clock runs; one delay may be a step of the recording computer's clock.
     ("4.6/4", "inconclusive", "login\n" + JUMP.format(pause=3600)),
     ("4.6/4", "fail", "login\n" + JUMP.format(pause=0)),
-    # Summer time ends, and begins; on a Monday it does neither.
+    # Daylight saving time ends and begins; on a Monday neither happens.
     (
         "4.6/4",
         "tolerated A-4.5-1=local time",
@@ -69,7 +69,7 @@ CASES = (
     ("4.6/4", "none", READ.format(first=LATER, between="> set_time 20260101000000", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> shutdown\n< shutdown 1", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> gap\n+30", second=NOON)),
-    # Between two sessions it may have been set, or switched off.
+    # Between two sessions the clock may have been set, or the robot switched off.
     (
         "4.6/4",
         "none",
@@ -84,5 +84,5 @@ CASES = (
 def test_clock(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

@@ -1,4 +1,4 @@
-"""Clause 8: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Clause 8: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -30,5 +30,5 @@ CASES = (
 def test_codes(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

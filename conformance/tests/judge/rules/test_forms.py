@@ -1,4 +1,4 @@
-"""Forms of payloads: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Forms of payloads: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -26,7 +26,7 @@ _EMPTY = {
 }
 
 _REQUESTS: dict[str, tuple[Any, ...]] = {
-    # requirement: (command, right data, then pairs of wrong data and what else fails)
+    # requirement: (command, right data, then pairs of wrong data and the other failures)
     "4.2/1": ("set_password", "old|new", ("oldnew", "T/1"), ("old new", "T/1")),
     "4.4/1": (
         "set_network",
@@ -62,7 +62,8 @@ _REQUESTS: dict[str, tuple[Any, ...]] = {
 }
 
 _REPLIES: dict[str, tuple[Any, ...]] = {
-    # requirement: (command and its data, right reply, then pairs of a wrong one and what else)
+    # requirement: (command and its data, right reply, then pairs of a wrong reply and the other
+    # failures)
     "4.3/2": (
         "get_network",
         "10.0.0.2|255.0.0.0|10.0.0.1",
@@ -117,7 +118,7 @@ SET = "set_initial_tool_position"
 
 
 def cases() -> list[tuple[str, str, str]]:
-    """The tables above as cases."""
+    """The tables above, converted to cases."""
     found = []
     for requirement, name in _EMPTY.items():
         found.append((requirement, "pass", f"login\n> {name}"))
@@ -127,31 +128,31 @@ def cases() -> list[tuple[str, str, str]]:
         found += [
             (requirement, f"fail {also}", f"login\n> {name} {wrong}") for wrong, also in wrongs
         ]
-    for requirement, (asked, right, *wrongs) in _REPLIES.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} {right}"))
+    for requirement, (request, right, *wrongs) in _REPLIES.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} {right}"))
         found += [
-            (requirement, f"fail {also}", f"login\n> {asked}\n< {name} {wrong}")
+            (requirement, f"fail {also}", f"login\n> {request}\n< {name} {wrong}")
             for wrong, also in wrongs
         ]
-    for requirement, asked in _FLAGS.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} 0"))
-        found.append((requirement, "fail", f"login\n> {asked}\n< {name} 2"))
-        found.append((requirement, "none T/3", f"login\n> {asked}\n< {name} \\x00"))
-    for requirement, (asked, right, wrong) in _LENGTHS.items():
-        name = asked.split()[0]
-        found.append((requirement, "pass", f"login\n> {asked}\n< {name} {right}"))
+    for requirement, request in _FLAGS.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} 0"))
+        found.append((requirement, "fail", f"login\n> {request}\n< {name} 2"))
+        found.append((requirement, "none T/3", f"login\n> {request}\n< {name} \\x00"))
+    for requirement, (request, right, wrong) in _LENGTHS.items():
+        name = request.split()[0]
+        found.append((requirement, "pass", f"login\n> {request}\n< {name} {right}"))
         after = "> get_status\n< get_status 00"
-        found.append((requirement, "fail 3/6 3/7", f"login\n> {asked}\n< {wrong}\n{after}"))
+        found.append((requirement, "fail 3/6 3/7", f"login\n> {request}\n< {wrong}\n{after}"))
     return found
 
 
 CASES = (
     *cases(),
-    # What the text conventions tolerate breaks no form.
+    # A deviation that the text conventions tolerate violates no form.
     ("4.27/2", "none", "login\n> get_joint_angles\n< get_joint_angles 1|2|3|4\\x00"),
-    # Without bars nothing can be said of the speed.
+    # Without bars the speed cannot be found.
     ("4.24/2", "none 4.24/1", "login\n> set_tool_coordinates 60|1|2|3"),
     (
         "4.18/5",
@@ -183,12 +184,12 @@ CASES = (
 def test_forms(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)
 
 
-def test_no_password_is_told(judged: Callable) -> None:
-    """Neither message nor evidence of a malformed 0x03 shows what was sent."""
+def test_passwords_are_not_shown(judged: Callable) -> None:
+    """Message and evidence about a malformed 0x03 do not show the password."""
     record = judged("login\n> set_password secret")
     (finding,) = [f for f in record.findings if f.requirement == "4.2/1"]
     assert "secret" not in finding.message + finding.observed + finding.expected

@@ -1,4 +1,4 @@
-"""Digital outputs: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Digital outputs: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -15,22 +15,22 @@ PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
 
 
 def bits(*ports: int) -> str:
-    """The digits of 0x49 where these ports are on."""
+    """The data of 0x49 in which these ports are on."""
     return "".join("1" if port in ports else "0" for port in range(16, 0, -1))
 
 
 def session(*lines: str) -> str:
-    """These lines behind a login."""
+    """A login, then these lines."""
     return "\n".join(("login", *lines))
 
 
 def read(*ports: int) -> str:
-    """A reading of 0x49."""
+    """A query with 0x49."""
     return READ.format(bits(*ports))
 
 
 def put(port: int, value: int, reply: str = "1") -> str:
-    """A setting of 0x43."""
+    """A port set with 0x43."""
     return SET.format(f"{port}|{value}", reply)
 
 
@@ -39,6 +39,12 @@ CASES = (
     ("4.32/2", "fail", session(put(8, 2))),
     ("4.32/3", "pass", session(put(16, 0))),
     ("4.32/3", "tolerated 4.32/3=observed otherwise", session(put(17, 0))),
+    ("4.32/4", "pass", session(read(), put(8, 1, reply="0"), read())),
+    ("4.32/4", "fail", session(read(), put(8, 1, reply="0"), read(8))),
+    ("4.32/4", "pass", session(read(), put(8, 1, reply="0"), PROGRAM, read(8))),
+    ("4.32/4", "pass", session(read(), put(8, 1, reply="0"), "+90", read(8))),
+    ("4.32/4", "pass", session(read(), put(8, 1, reply="0"), put(8, 1), read(8))),
+    ("4.32/4", "pass", session(read(), put(8, 1, reply="0"), read(7))),
     ("4.32/6", "pass", session(read(), put(8, 1), read(8))),
     ("4.32/6", "pass", session(read(8, 2), put(8, 0), put(3, 1), read(2, 3))),
     ("4.32/6", "pass", session(put(8, 1), read(8, 3))),
@@ -49,12 +55,12 @@ CASES = (
     ("4.32/6", "none", session(put(8, 1, reply="0"), read())),
     ("4.32/6", "none", session(put(8, 1), PROGRAM, read())),
     ("4.32/6", "pass", session(read(), PROGRAM, put(8, 1), read(8, 3))),
-    # Somebody whom the recording does not show may have set another one since.
+    # A client that was not recorded may have set another port since.
     ("4.32/6", "pass", session(read(), put(8, 1), "+90", read(8, 3))),
-    # A setting elsewhere while the reading was under way may have come before or after it.
+    # A setting by another client during the query may have come before or after it.
     ("4.32/6", "pass", session(SECOND, "> get_digital_outputs", ELSEWHERE, ANSWER, read(8))),
     ("4.32/6", "none", session(put(20, 1), read())),
-    # The robot has ended all connections, perhaps because it was switched off (A-4-6).
+    # The robot has closed all connections, perhaps because it was switched off (A-4-6).
     ("4.32/6", "none", session(put(8, 1), SWITCHED_OFF, read())),
     ("4.32/6", "pass", session(read(3), SWITCHED_OFF, put(8, 1), read(8))),
     ("4.34/3", "pass", session(read(), put(16, 1), read(16))),
@@ -69,5 +75,5 @@ CASES = (
 def test_ports(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

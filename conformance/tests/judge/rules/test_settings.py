@@ -1,4 +1,4 @@
-"""What was set: each requirement on traffic that keeps it, and on traffic that does not."""
+"""What was set: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -34,7 +34,7 @@ PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
 
 
 def setting(name: str) -> Callable[..., str]:
-    """Makes sessions in which this is set and read."""
+    """Return a function that makes sessions in which this is set and read."""
 
     def session(value: str, answer: str, between: str = "", reply: str = "1") -> str:
         return SET_GET.format(
@@ -55,7 +55,7 @@ HOME, OFFICE = "10.0.0.2|255.0.0.0|10.0.0.1", "10.0.0.3|255.0.0.0|10.0.0.1"
 
 
 def refused(name: str, was: str, value: str, answer: str, between: str = "") -> str:
-    """A session in which a setting is refused, between two readings."""
+    """A session in which a setting is refused between two queries."""
     read = f"> get_{name}\n< get_{name} "
     return f"login\n{read}{was}\n> set_{name} {value}\n< set_{name} 0\n{between}\n{read}{answer}"
 
@@ -67,17 +67,61 @@ TWICE = (
 )
 AGAIN = "> set_gripper_center 1|2|3\n< set_gripper_center 1"
 
+DELETED = "> delete_program a.rob\n< delete_program 1"
+
+
+def changed(*logins: str, first: str = "login", reply: str = "1") -> str:
+    """A session in which the password "password" is replaced, and logins on new connections."""
+    lines = [f"{first}\n> set_password password|new\n< set_password {reply}"]
+    for number, login in enumerate(logins, 2):
+        password, answer = login.split()
+        lines.append(f"{number}> login {password}\n{number}< login {answer}\n{number}> close")
+    return "\n".join(lines)
+
+
+NO_REPLY = {"4.2/2": "pass", "4.2/5": "none"}
+ALONE = "> close\n2> login new\n2< login 0"
+
 CASES = (
+    ("4.2/4", "pass", changed("new 1")),
+    ("4.2/4", "pass", changed("password 0")),
+    ("4.2/4", "fail", changed("password 1")),
+    ("4.2/4", "fail", changed("new 0", "password 1")),
+    ("4.2/4", "fail", changed("new 1", "password 1")),
+    ("4.2/4", "fail", changed("password 1", "new 1")),
+    ("4.2/4", "inconclusive", changed() + "\n" + ALONE),
+    ("4.2/4", "none", changed("new 0")),  # another client is logged in (A-2-2)
+    ("4.2/4", "none", changed("password 1", reply="0")),
+    ("4.2/4", "none", changed("other 0")),
+    *(
+        (requirement, expected + also.format(other), session)
+        for requirement, other in (("4.2/2", "4.2/5"), ("4.2/5", "4.2/2"))
+        for expected, also, session in (
+            ("fail", " {}", changed("new 1", reply="0")),
+            ("pass", "", changed("password 1", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", reply="0")),
+            (NO_REPLY[requirement], "", changed("new 0", "other 0", reply="0")),
+        )
+    ),
     ("4.4/2", "pass", refused("network", HOME, OFFICE, HOME)),
     ("4.4/2", "fail", refused("network", HOME, OFFICE, OFFICE)),
     ("4.13/2", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
-    ("4.13/2", "fail", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    ("4.13/2", "fail 4.13/5", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    ("4.13/5", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
+    ("4.13/5", "fail 4.13/2", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    # Another client may have set it.
+    ("4.13/5", "inconclusive", refused("default_program", "a.rob", "b.rob", "")),
+    ("4.13/5", "inconclusive", refused("default_program", "a.rob", "b.rob", "0")),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between=DELETED)),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between="+70")),
+    ("4.13/5", "none", refused("default_program", "a.rob", "b.rob", "", between="< gap 9")),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "0|0|0")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|0|0")),
     ("4.20/2", "pass", TWICE),
-    # Somebody else may have set it, or another setting, a program or a new start.
-    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
+    # A client that was not recorded may have set it, or another setting, a program or a restart may
+    # have changed it.
+    ("4.20/2", "inconclusive", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=AGAIN)),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=PROGRAM)),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between="+70")),
@@ -102,14 +146,14 @@ CASES = (
         PASSWORD.format(old="password", reply="1")
         + PASSWORD[10:].format(old="password", reply="1"),
     ),
-    # Which of two that were accepted is right nobody knows.
+    # Two passwords were accepted; which one is right is unknown.
     (
         "4.2/3",
         "none 4.1/3",
         "login\n> login other\n< login 1\n> set_password x|y\n< set_password 1",
     ),
     ("4.2/3", "none", "login\n> set_password x|y\n> set_password x|z\n+6\n< set_password 1"),
-    # It may have been changed unseen.
+    # The password may have been changed in bytes that were not recorded.
     (
         "4.2/3",
         "none",
@@ -129,14 +173,14 @@ CASES = (
     ("4.13/3", "fail", default("a.rob", "b.rob")),
     ("4.13/3", "fail", default("a.rob", "")),
     ("4.13/3", "none", default("a.rob", "b.rob", reply="0")),
-    # 0x0D is answered as any opcode that is not known; it is 0x13 that is served, or may be.
+    # 0x0D is answered like an unknown opcode; the controller serves 0x13 instead, or may serve it.
     (
         "4.13/3",
         "tolerated on_unknown=0",
         default("a.rob", "0", between="> 13\n< 13 a.rob"),
     ),
     ("4.13/3", "tolerated on_unknown=0", default("a.rob", "0")),
-    # One of the two is served, and a program was named.
+    # One of the two opcodes is served, and a program was set.
     ("4.13/3", "fail", default("a.rob", "0") + "> 13\n< 13 0"),
     (
         "4.13/3",
@@ -150,10 +194,11 @@ CASES = (
     ("4.20/3", "fail", gripper("1|2.5|3", "1|2.6|3")),
     ("4.20/3", "fail", gripper("1.234|0|0", "1.1|0|0")),
     ("4.20/3", "none", gripper("1|2|3", "4|5|6", between=PROGRAM)),
-    # Long after it the robot may have been switched off and on again.
+    # After a long time the robot may have been switched off and on again.
     ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between="+500")),
     ("4.20/3", "none", gripper("1|2|3", "0|0|0", between="+700")),
-    # It may also have been where it ended all connections itself; a new address does that, too.
+    # The robot may have been restarted if it closed all connections; a new address closes them,
+    # too.
     ("4.20/3", "none", gripper("1|2|3", "0|0|0", between=SWITCHED_OFF)),
     ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between=LEFT)),
     ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between=f"2> open\n{SWITCHED_OFF}")),
@@ -187,5 +232,5 @@ CASES = (
 def test_settings(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

@@ -1,4 +1,5 @@
-"""An arm that stands still: each requirement on traffic that keeps it, and that does not."""
+"""An arm that does not move: each requirement with traffic that meets it and traffic that violates
+it."""
 
 from collections.abc import Callable
 
@@ -11,7 +12,7 @@ POSE = "> get_tool_coordinates\n< get_tool_coordinates {}"
 STATUS = "> get_status\n< get_status 00"
 MOVING = "> get_status\n< get_status 04"
 HERE, NEAR, THERE = "0|90|0|0", "0|90.1|0|0", "1|90|0|0"
-BEFORE_TURN, BEHIND_TURN = "300|300|0|179.95|0|0", "300|300|0|-180|0|0"
+BEFORE_TURN, AFTER_TURN = "300|300|0|179.95|0|0", "300|300|0|-180|0|0"
 HERE_XY, THERE_XY = "300|300|0|0|0|0", "295|305|0|0|0|0"
 SET = {
     "4.13/6": "set_default_program a.rob",
@@ -21,30 +22,30 @@ SET = {
 
 
 def session(*lines: str) -> str:
-    """These lines after a login."""
+    """A login, then these lines."""
     return "\n".join(("login", *lines))
 
 
 def done(name: str, data: str = "", result: str = "11") -> str:
-    """A two-stage command from beginning to end."""
+    """A complete two-stage command."""
     assert BY_NAME[name].two_stage
     return f"> {name} {data}\n< {name} 1\n<90 {name} {result}"
 
 
 def joints(*readings: str) -> str:
-    """Readings of the joint angles."""
+    """Queries of the joint angles."""
     return "\n".join(JOINTS.format(reading) for reading in readings)
 
 
 def pose(*readings: str) -> str:
-    """Readings of the tool coordinates."""
+    """Queries of the tool coordinates."""
     return "\n".join(POSE.format(reading) for reading in readings)
 
 
 def put(requirement: str) -> str:
     """The setting that a requirement is about, accepted."""
-    asked = SET[requirement]
-    return f"> {asked}\n< {asked.split()[0]} 1"
+    request = SET[requirement]
+    return f"> {request}\n< {request.split()[0]} 1"
 
 
 LOCKED = done("lock_joints")
@@ -66,19 +67,23 @@ CASES = (
     ("4.27/4", "fail", session(MOVED, joints(HERE, THERE))),
     ("4.27/4", "pass", session(LOCKED, "+5", STATUS, joints(HERE, HERE), STATUS)),
     ("4.27/4", "fail", session(LOCKED, "+5", STATUS, joints(HERE, THERE), STATUS)),
-    # A pendant's motion would show in the next status, or in its duration.
+    # A motion by the teach pendant would show in the next status, or in the time that passes.
     ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE, THERE), MOVING)),
     ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE), "+2", joints(THERE), STATUS)),
-    # Whether the joints are locked is unknown; they may be moved by hand.
+    # It is unknown whether the joints are locked; they may be moved by hand.
     ("4.27/4", "none", session(STATUS, joints(HERE, THERE), STATUS)),
-    ("4.27/4", "none", session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS)),
+    (
+        "4.27/4",
+        "none",
+        session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS),
+    ),
     ("4.23/5", "pass", session(MOVED, pose(HERE_XY, HERE_XY))),
     ("4.23/5", "fail", session(MOVED, pose(HERE_XY, THERE_XY))),
     ("4.23/5", "pass", session(LOCKED, "+5", STATUS, pose(HERE_XY, HERE_XY), STATUS)),
     ("4.23/5", "fail", session(LOCKED, "+5", STATUS, pose(HERE_XY, THERE_XY), STATUS)),
-    ("4.23/5", "pass", session(MOVED, pose(BEFORE_TURN, BEHIND_TURN))),
-    ("4.23/5", "fail", session(MOVED, pose("300|300|0|179|0|0", BEHIND_TURN))),
-    # thetaY and thetaZ say nothing (L1006).
+    ("4.23/5", "pass", session(MOVED, pose(BEFORE_TURN, AFTER_TURN))),
+    ("4.23/5", "fail", session(MOVED, pose("300|300|0|179|0|0", AFTER_TURN))),
+    # thetaY and thetaZ have no meaning (L1006).
     ("4.23/5", "pass", session(MOVED, pose(HERE_XY, "300|300|0|0|34.5|1"))),
     ("4.23/5", "fail", session(MOVED, pose(HERE_XY, "300|300|0|34.5|0|0"))),
     # The pose may be that of the gripper (A-4.23-1).
@@ -106,7 +111,7 @@ CASES = (
             ),
         )
     ),
-    # Which of two settings moved the arm is unknown.
+    # It is unknown which of two settings moved the arm.
     ("4.20/5", "none", session(STATUS, joints(HERE), put("4.20/5"), put("4.21/5"), joints(THERE))),
     ("4.16/5", "pass", session(joints(HERE), SIMULATING, joints(HERE))),
     (
@@ -141,5 +146,5 @@ CASES = (
 def test_standstill(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

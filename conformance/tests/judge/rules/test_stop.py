@@ -1,4 +1,4 @@
-"""Emergency stops: each requirement on traffic that keeps it, and on traffic that does not."""
+"""Emergency stops: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import pytest
 
 STOPPED = """
     login
-    > {asked}
+    > {request}
     < {name} 1
     > emergency_stop
     < emergency_stop 1
@@ -31,17 +31,17 @@ CASES = (
         case
         for requirement, other in (("4.17/3", "4.17/6"), ("4.17/6", "4.17/3"))
         for case in (
-            (requirement, "pass", STOPPED.format(asked="jog 1", name="jog", result="11")),
+            (requirement, "pass", STOPPED.format(request="jog 1", name="jog", result="11")),
             (requirement, "fail " + other, REFUSED.format(then="+1\n" + ENDS)),
             (requirement, "fail " + other, REFUSED.format(then=STATUS.format("01"))),
-            # It had just ended by itself.
+            # The motion had just ended by itself.
             (requirement, "none", REFUSED.format(then=ENDS)),
             (requirement, "none", "login\n> emergency_stop\n< emergency_stop 0"),
         )
     ),
-    ("4.17/8", "pass", STOPPED.format(asked="reset", name="reset", result="00|00")),
-    ("4.17/8", "pass", STOPPED.format(asked="jog 1", name="jog", result="11")),
-    ("4.17/8", "fail", STOPPED.format(asked="reset", name="reset", result="11")),
+    ("4.17/8", "pass", STOPPED.format(request="reset", name="reset", result="00|00")),
+    ("4.17/8", "pass", STOPPED.format(request="jog 1", name="jog", result="11")),
+    ("4.17/8", "fail", STOPPED.format(request="reset", name="reset", result="11")),
 )
 
 
@@ -49,5 +49,5 @@ CASES = (
 def test_stop(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

@@ -1,4 +1,4 @@
-"""Values of simple queries: each requirement on traffic that keeps it, and that does not."""
+"""Values of queries: each requirement with traffic that meets it and traffic that violates it."""
 
 from collections.abc import Callable
 
@@ -41,5 +41,5 @@ CASES = (
 def test_values(
     requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
 ) -> None:
-    """The verdict is the register's, and nothing else fails for it."""
+    """Each session gives the expected verdict, and no other requirement fails."""
     check_case(requirement, expected, session)

@@ -1,4 +1,4 @@
-"""What hypothesis draws when a test asks for a program, a node or a layout."""
+"""Hypothesis strategies for programs, nodes and layouts."""
 
 from hypothesis import strategies as st
 
@@ -18,7 +18,7 @@ from scaraspec.protocol.program_files import (
 )
 from scaraspec.protocol.program_files.model import DATA_OF_TYPE
 
-# Numbers that the tables of the document know are drawn as often as any others.
+# Numbers in tables of the document are drawn as often as all others together.
 _small = st.integers(0, 14)
 _uint8, _int8 = _small | st.integers(0, 255), _small | st.integers(-128, 127)
 _uint32, _int32 = _small | st.integers(0, 2**32 - 1), _small | st.integers(-(2**31), 2**31 - 1)

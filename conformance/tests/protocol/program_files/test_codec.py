@@ -100,7 +100,7 @@ def test_bytes_without_a_meaning_are_preserved(layout: Layout) -> None:
     assert build(program, layout) == file
 
 
-def test_a_change_touches_only_its_own_bytes() -> None:
+def test_a_change_affects_only_its_own_bytes() -> None:
     """Replacing a value of a parsed program changes only the bytes of this value."""
     file = bytearray(FILE)
     offset = DEFAULT_LAYOUT.nodes_offset(1) + 36

@@ -51,8 +51,8 @@ def test_every_file_is_described() -> None:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Return a function that compiles the witness, once per set of flags."""
-    compiler = shutil.which("gcc")  # no other compiler has the storage order
+    """Return a function that compiles the witness program, once for each set of flags."""
+    compiler = shutil.which("gcc")  # only gcc has the attribute scalar_storage_order
     if compiler is None:
         pytest.skip("no gcc here; ctypes checks the same files in test_codec_ctypes.py")
     folder = tmp_path_factory.mktemp("witness")
@@ -77,7 +77,7 @@ def test_a_c_compiler_places_every_byte_alike(
 
 
 @each_whole
-def test_a_file_comes_back_byte_for_byte(row: dict[str, Any]) -> None:
+def test_a_file_is_rebuilt_unchanged(row: dict[str, Any]) -> None:
     """The layout is detected, and a parsed file is built again unchanged."""
     data = read(row)
     assert detect(data)[0].name == row["layout"]
@@ -92,7 +92,7 @@ def test_a_file_has_its_listing(row: dict[str, Any]) -> None:
 
 
 @each_whole
-def test_the_whole_files_have_no_errors(row: dict[str, Any]) -> None:
+def test_undamaged_files_have_no_errors(row: dict[str, Any]) -> None:
     """Only damaged files have errors."""
     assert not [str(finding) for finding in lint(read(row)) if finding.severity is Severity.ERROR]
 
@@ -105,7 +105,7 @@ def test_a_damaged_file_has_its_findings(row: dict[str, Any]) -> None:
     assert any(finding.severity is not Severity.INFO for finding in lint(read(row)))
 
 
-def test_the_samples_use_everything_there_is() -> None:
+def test_the_samples_use_all_types() -> None:
     """Every node type, result type and value type, both orders and every packing occur."""
     program = parse(read(EVERY_NODE[0]))
     operations = [node.data for node in program.nodes if isinstance(node.data, Operation)]
@@ -122,20 +122,20 @@ def test_the_samples_use_everything_there_is() -> None:
     }
 
 
-def test_the_demonstration_is_clean_and_ends() -> None:
+def test_the_demonstration_has_no_findings() -> None:
     """pick-and-place has the default layout, no loop, and no finding."""
     data = (SAMPLES / "pick-and-place.rob").read_bytes()
     assert lint(data) == ()
     assert NodeType.LOOP not in {node.type for node in parse(data).nodes}
 
 
-def test_the_endless_one_says_so() -> None:
-    """The only finding of endless is that it does not end."""
+def test_the_endless_sample_has_one_finding() -> None:
+    """The only finding of the endless sample is that its loop does not end."""
     found = lint((SAMPLES / "endless.rob").read_bytes())
     assert [finding.code for finding in found] == ["P-endless-loop"]
 
 
-def test_no_beginning_of_a_file_is_a_program() -> None:
+def test_a_truncated_file_is_not_a_program() -> None:
     """A file cut at any position is rejected, so no partial upload can run."""
     data = (SAMPLES / "pick-and-place.rob").read_bytes()
     for length in range(len(data)):

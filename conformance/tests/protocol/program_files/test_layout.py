@@ -43,7 +43,7 @@ def test_sizes_are_those_of_a_compiler(
         assert layout.file_bytes(nodes=3, variables=2) == header + 76 + 2 * 28 + 3 * node + 5
 
 
-def test_every_header_goes_with_every_node_in_both_orders() -> None:
+def test_all_combinations_of_headers_and_nodes_exist() -> None:
     """All combinations exist: 3 headers, 5 nodes, and 2 longs for equal node sizes."""
     assert len(LAYOUTS) == 3 * 7 * 2
     assert len({layout[2:] for layout in map(_values, LAYOUTS.values())}) == len(LAYOUTS)
@@ -53,7 +53,7 @@ def _values(layout: Layout) -> tuple[object, ...]:
     return tuple(getattr(layout, name) for name in Layout.__slots__)
 
 
-def test_layouts_carry_the_names_of_the_readings() -> None:
+def test_layouts_have_the_names_of_the_readings() -> None:
     """A layout has the option names of the readings `prog_layout` and `endian`."""
     assert {layout.reading for layout in LAYOUTS.values()} == {
         option.name for option in READINGS["prog_layout"].options
@@ -71,7 +71,7 @@ PLAIN = Program(
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
-def test_a_plain_file_is_found_out(layout: Layout) -> None:
+def test_the_layout_of_a_plain_file_is_detected(layout: Layout) -> None:
     """For a program with plausible values, the first detected layout is correct."""
     assert detect(build(PLAIN, layout))[0] == layout
 
@@ -84,7 +84,7 @@ def test_counts_distinguish_layouts_of_equal_size(layout: Layout) -> None:
     assert detect(data)[0] == layout
 
 
-def test_a_natural_file_of_three_nodes_is_not_taken_for_a_packed_one() -> None:
+def test_a_natural_file_of_three_nodes_is_not_detected_as_packed() -> None:
     """Padding and a little-endian 3 read as a big-endian 3 at offset 5, and 16 + 3*64 is
     13 + 3*65: both layouts are consistent, and only the values tell them apart.
     """
@@ -96,7 +96,7 @@ def test_a_natural_file_of_three_nodes_is_not_taken_for_a_packed_one() -> None:
         assert detect(build(program, LAYOUTS["outer-packed-big"]))[0].name == "outer-packed-big"
 
 
-def test_without_records_the_configuration_tells_the_byte_order() -> None:
+def test_without_records_coordinates_decide_the_byte_order() -> None:
     """Counts of zero are equal in both byte orders; plausible coordinates decide."""
     program = Program(tool_position=(300.0, 0.5, 250.0, 0.0, 0.0, 0.0))
     for order, layout in (("<", LAYOUTS["ilp32"]), (">", LAYOUTS["ilp32-big"])):
@@ -110,7 +110,7 @@ def test_default_layout_without_other_evidence() -> None:
     assert detect(build(Program()))[0] == DEFAULT_LAYOUT
 
 
-def test_the_size_of_a_long_shows_in_a_packed_timer() -> None:
+def test_size_of_a_long_in_a_packed_timer() -> None:
     """Packed nodes have the same size for both longs; a plausible instant decides."""
     for name in ("packed", "packed-long8", "pack2-big", "pack2-long8-big"):
         data = build(PLAIN, LAYOUTS[name])

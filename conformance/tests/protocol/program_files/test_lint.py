@@ -33,7 +33,8 @@ def test_lint_takes_any_program(program: Program, layout: Layout) -> None:
         for finding in lint(data)
         if not finding.code.startswith("P-layout")
     ]
-    # The bytes are judged in the layout that fits best, which need not be the one they have.
+    # The bytes are checked in the most plausible layout, which need not be the one they were built
+    # in.
     from_program = [
         (finding.code, finding.node, finding.variable, finding.message)
         for finding in lint(parse(data))
@@ -62,7 +63,7 @@ def test_place_of_a_finding() -> None:
     assert [f.offset_bytes for f in lint(program) if f.severity is Severity.ERROR] == [None, None]
 
 
-def test_what_surrounds_a_program_does_not_hide_its_own_faults() -> None:
+def test_bytes_after_a_program_do_not_hide_its_faults() -> None:
     """Bytes after the footer are reported, and the program before them is checked."""
     found = lint(build(Program(nodes=(UNKNOWN,))) + b"\r\n")
     assert [finding.code for finding in found] == ["P-surplus", "P-node-type"]
@@ -79,8 +80,8 @@ def test_a_hostile_program_gives_a_bounded_list() -> None:
     assert sum(finding.severity is Severity.ERROR for finding in found) == 10
 
 
-def test_a_huge_hostile_program_takes_its_time_in_proportion() -> None:
-    """The time is linear for overlapping counts, deep markers and many variables."""
+def test_time_is_linear_for_a_huge_hostile_program() -> None:
+    """The time is linear for overlapping counts, deeply nested markers and many variables."""
     chain = tuple(Node(b"", NodeType.CURVE_MOVE, 50, 255) for _ in range(10_000))
     variables = tuple(Variable(key % 7, b"x") for key in range(10_000))
     assert len(lint(Program(nodes=chain, variables=variables))) == MAX_FINDINGS + 1

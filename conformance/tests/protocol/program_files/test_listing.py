@@ -34,7 +34,7 @@ def test_any_program_can_be_listed(program: Program, layout: Layout) -> None:
     assert listing(parse(build(program, layout), layout)) == text
 
 
-def test_points_are_shown_in_the_reading_asked_for() -> None:
+def test_points_are_shown_in_the_given_reading() -> None:
     """The four values are shown as joints or as a pose, with units."""
     program = Program(nodes=(Node(b"", NodeType.POINT, data=Point((200.0, 300.0, 324.0, 34.6))),))
     assert "to J1 200°, J2 300°, Z 324 mm, J4 34.6°\n" in listing(program)
@@ -57,7 +57,7 @@ def test_points_are_shown_in_the_reading_asked_for() -> None:
         (Operation(4, 2, 3, 1), "set port 2 (not configured) to port 1 (port type 7)"),
     ],
 )
-def test_a_wrong_value_is_shown_and_not_hidden(data: NodeData, shown: str) -> None:
+def test_a_wrong_value_is_shown(data: NodeData, shown: str) -> None:
     """Numbers that are not in a table are shown as numbers."""
     kinds = {
         WaitInput: NodeType.WAIT_INPUT,
@@ -69,7 +69,7 @@ def test_a_wrong_value_is_shown_and_not_hidden(data: NodeData, shown: str) -> No
     assert listing(program).splitlines()[-1] == f"1  {shown}"
 
 
-def test_a_name_stands_for_a_key_only_if_it_is_clear() -> None:
+def test_a_name_replaces_a_key_only_if_unambiguous() -> None:
     """Variables with equal names, or with a name like an expression, are shown by key."""
     add = Node(b"", NodeType.COMPUTE, data=Operation(2, 1, 2, 2, 2, 3, 1))
     names = [b"a", b"b", b"c"], [b"a", b"b", b"b"], [b"a", b"1 + 1", b""]
@@ -84,7 +84,7 @@ def test_a_name_stands_for_a_key_only_if_it_is_clear() -> None:
     ]
 
 
-def test_hostile_names_reach_no_terminal() -> None:
+def test_hostile_names_are_escaped() -> None:
     """Control and direction characters are shown as escapes."""
     node = Node("\x1b[2J\u202e\n".encode(), NodeType.LOOP)
     line = listing(Program(nodes=(node,))).splitlines()[-1]
@@ -104,7 +104,7 @@ def test_the_number_of_a_node_is_right_aligned() -> None:
     assert (lines[-10], lines[-1]) == (" 1  end if  (unmatched)", "10  end if  (unmatched)")
 
 
-def test_the_image_of_a_record_is_not_listed() -> None:
+def test_bytes_without_a_meaning_are_not_listed() -> None:
     """Bytes without a meaning do not change the listing."""
     program = parse(build(Program(nodes=(Node(b"", NodeType.LOOP),))))
     bare = tuple(dataclasses.replace(node, image=b"") for node in program.nodes)

@@ -220,7 +220,7 @@ CASES: dict[str, tuple[list[Program | bytes], list[Program | bytes]]] = {
     "P-loop-counts": (
         [
             of(loop(3), WAIT, END_LOOP),
-            # Each count is right in a reading of its own.
+            # Each count is right in another reading.
             of(loop(1), WAIT, END_LOOP, loop(2), WAIT, END_LOOP),
         ],
         [
@@ -347,7 +347,7 @@ CASES: dict[str, tuple[list[Program | bytes], list[Program | bytes]]] = {
     ),
 }
 
-# Every requirement of the catalogue that is a static check of a program file (test SF).
+# Every requirement of the catalogue that is a static check of a program file (test method STATIC).
 STATIC = {
     *("6.1/1", "6.1/2", "6.1/3", "6.1/4", "6.2/1", "6.2/2", "6.2/3"),
     *("6.3/1", "6.3/2", "6.3/3", "6.3/4", "6.4/1", "6.4/2", "6.4/3", "6.4/4"),
@@ -370,13 +370,13 @@ def _cases(which: int) -> list[object]:
 
 
 @pytest.mark.parametrize(("code", "program"), _cases(0))
-def test_a_rule_finds_what_breaks_it(code: str, program: Program | bytes) -> None:
+def test_a_rule_finds_violations(code: str, program: Program | bytes) -> None:
     """Each violation of a rule is found."""
     assert code in codes(program)
 
 
 @pytest.mark.parametrize(("code", "program"), _cases(1))
-def test_a_rule_is_silent_about_what_keeps_it(code: str, program: Program | bytes) -> None:
+def test_a_rule_has_no_false_findings(code: str, program: Program | bytes) -> None:
     """Similar programs without the violation give no finding."""
     assert code not in codes(program)
 
@@ -394,7 +394,7 @@ def test_every_rule_has_its_cases() -> None:
     assert set(every) >= INVALID_PROGRAM_CODES
 
 
-def test_every_static_requirement_is_found_broken() -> None:
+def test_every_static_requirement_has_a_finding() -> None:
     """For each of the 45 requirements, an example gives a finding that cites it."""
     found = {
         requirement
@@ -415,8 +415,8 @@ def test_every_rule_cites_its_source() -> None:
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.code)
-def test_a_finding_stays_within_its_rule(rule: LintRule) -> None:
-    """A finding has the severity of its rule, and a subset of its requirements."""
+def test_findings_match_their_rule(rule: LintRule) -> None:
+    """A finding has the severity of its rule and some of its requirements."""
     for program in CASES[rule.code][0]:
         for finding in lint(program):
             if finding.code == rule.code:

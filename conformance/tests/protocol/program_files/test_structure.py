@@ -33,12 +33,12 @@ def move(counts: int) -> Node:
 LOOP = loop()
 
 
-def test_a_loop_and_its_end_name_each_other() -> None:
+def test_a_loop_and_its_end_are_partners() -> None:
     """Nested loops are paired from the inside."""
     assert Structure.of([LOOP, LOOP, POINT, END_LOOP, END_LOOP]).partners == (4, 3, None, 1, 0)
 
 
-def test_an_if_leads_to_its_else_and_on_to_its_end() -> None:
+def test_partners_of_if_else_and_endif() -> None:
     """The partner of IF is ELSE or ENDIF, of ELSE is ENDIF, of ENDIF is ELSE or IF."""
     assert Structure.of([IF, POINT, ELSE, POINT, ENDIF]).partners == (2, None, 4, None, 2)
     assert Structure.of([IF, POINT, ENDIF]).partners == (2, None, 0)
@@ -104,7 +104,7 @@ def readings(nodes: list[Node]) -> dict[int, set[CountsMode]]:
         (8, 3, CountsMode.WITH_END),
     ],
 )
-def test_the_counts_of_loops_tell_their_reading(outer: int, inner: int, mode: CountsMode) -> None:
+def test_loop_counts_show_their_reading(outer: int, inner: int, mode: CountsMode) -> None:
     """A loop of a move with a point, a loop, and a node: 7 records, 3 children, 8 with the end.
 
     The inner loop has a move with its point: 2 records, 1 child, 3 with its end.
@@ -113,14 +113,14 @@ def test_the_counts_of_loops_tell_their_reading(outer: int, inner: int, mode: Co
     assert readings(nodes) == {0: {mode}, 3: {mode}}
 
 
-def test_readings_that_agree_are_all_named_and_others_not_at_all() -> None:
+def test_all_matching_readings_are_returned() -> None:
     """Without nesting, records and children are equal; a wrong count has no reading."""
     assert readings([loop(1), POINT, END_LOOP]) == {0: {CountsMode.RECORDS, CountsMode.CHILDREN}}
     assert readings([loop(3), POINT, END_LOOP]) == {0: set()}
     assert readings([loop(1), POINT]) == {}
 
 
-def test_modes_carry_the_names_of_the_reading() -> None:
+def test_modes_have_the_names_of_the_reading() -> None:
     """`CountsMode(dialect["counts_mode"])` always works."""
     assert [*CountsMode] == [option.name for option in READINGS["counts_mode"].options]
 
@@ -162,7 +162,7 @@ def test_any_nodes_have_a_structure(nodes: list[Node]) -> None:
             assert (structure.partners[index] is None) == (index in reported)
 
 
-def test_the_deepest_nesting_takes_its_time_in_proportion() -> None:
-    """Thousands of wrong markers need no recursion and no search."""
+def test_time_is_linear_for_deep_nesting() -> None:
+    """Thousands of wrong markers need neither recursion nor a search."""
     for nodes in ([LOOP] * 20_000, [IF] * 10_000 + [END_LOOP] * 10_000, [move(255)] * 20_000):
         assert len(Structure.of(nodes).depths) == 20_000

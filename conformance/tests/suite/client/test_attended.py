@@ -1,4 +1,4 @@
-"""The input of an operator becomes the answer of the client."""
+"""The input of an operator becomes the client's report."""
 
 import os
 import pty
@@ -51,7 +51,7 @@ def test_a_client_that_refuses(sitting: Sitting) -> None:
     assert call.failed
 
 
-def test_an_answer_counts_once(sitting: Sitting) -> None:
+def test_an_input_counts_once(sitting: Sitting) -> None:
     """Extra input does not answer the next question."""
     attended, types, _ = sitting
     first = attended.ask_operator("it glows")
@@ -72,7 +72,7 @@ def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> N
         attended.pump()
 
 
-def test_an_operator_whose_terminal_is_lost_has_left() -> None:
+def test_a_lost_terminal_ends_the_session() -> None:
     """A lost terminal ends the session."""
     near, far = pty.openpty()
     with closing(Attended("127.0.0.1", 0, print, input_fd=far)) as attended:

@@ -18,7 +18,7 @@ Defect = Callable[..., dict[str, str]]
 
 
 class LogsInAgain(AsyncClient):
-    """Logs in twice, and once more after whatever failed (A-4.1-2)."""
+    """Logs in twice, and again after each failure (A-4.1-2)."""
 
     _again = False
 
@@ -111,7 +111,7 @@ def test_reconnecting_without_repeating(wrong: Defect) -> None:
     assert not wrong(Returns, frozenset({"4/16"}))
 
 
-def test_connecting_anew(wrong: Defect) -> None:
+def test_reconnecting(wrong: Defect) -> None:
     """A disconnect works while the client waits for the reply to a login of its own."""
     patient = DEFAULT.replace(reply_timeout="20")
     assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)

@@ -94,7 +94,7 @@ class Ceaseless(AsyncClient, ABC):
 
     @abstractmethod
     async def once(self) -> None:
-        """What it does."""
+        """The repeated action."""
 
     async def connect(self) -> None:
         await super().connect()
@@ -148,7 +148,7 @@ def test_fetched_parts(wrong: Defect) -> None:
 
 
 class FetchesPartByPart(ClientCore):
-    """Drops parts of a list that it has not requested."""
+    """Drops parts of a list that were not requested."""
 
     def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
@@ -156,7 +156,7 @@ class FetchesPartByPart(ClientCore):
         return super()._process_items([each for each in items if each not in parts[1:]], now_s)
 
 
-def test_parts_that_were_not_asked_for(certified: Certified) -> None:
+def test_parts_that_were_not_requested(certified: Certified) -> None:
     """A client that requests each part skips the case of joined parts (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
     cases = certified(FetchesPartByPart, frozenset({"2/6"}), dialect)
@@ -193,7 +193,9 @@ class DeclinesTransfers(HoldsBackTransfers):
 
 
 @pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
-def test_transfers_may_wait_for_what_executes(wrong: Defect, make: type[AsyncClient]) -> None:
+def test_transfers_may_wait_for_an_executing_command(
+    wrong: Defect, make: type[AsyncClient]
+) -> None:
     """A client may or may not transfer files while a program runs."""
     assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
 
@@ -211,7 +213,7 @@ class AsksFirst(AsyncClient):
 
 
 def test_asking_first(wrong: Defect) -> None:
-    """No case blocks on a poll before the expected request."""
+    """Every case answers a poll that comes before the expected request."""
     assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
 
 
@@ -331,7 +333,7 @@ class EndsWhenIdle(ClientCore):
         return events
 
 
-def test_giving_up_what_executes(wrong: Defect) -> None:
+def test_short_timeouts(wrong: Defect) -> None:
     """A client may wait less than 5 s for a reply, and for a result while the robot runs."""
     assert not wrong(EndsWhenIdle, frozenset({"4/16"}), DEFAULT.replace(reply_timeout="1"))
 
@@ -354,9 +356,9 @@ class OneByOne(AsyncClient):
 def test_one_by_one(wrong: Defect) -> None:
     """A request sent after a timeout is not concurrent with the earlier one."""
     only = frozenset({"2/6", "4.14/4"})
-    told = wrong(OneByOne, only)
-    del told["2/6.among-others"]  # for which it would have to wait for a program
-    assert set(told.values()) == {"the client runs one operation at a time"}
+    printed = wrong(OneByOne, only)
+    del printed["2/6.among-others"]  # for which it would have to wait for a program
+    assert set(printed.values()) == {"the client runs one operation at a time"}
 
 
 class TwoAtATime(AsyncClient):

@@ -15,7 +15,7 @@ RUN_TIME = timedelta(days=1, seconds=3661)
 
 
 @pytest.mark.parametrize(
-    ("said", "expected"),
+    ("reported", "expected"),
     [
         ("00", "00"),
         (20, 20.0),
@@ -34,13 +34,13 @@ RUN_TIME = timedelta(days=1, seconds=3661)
         ({"name": "", "run_time_s": 0}, None),
     ],
 )
-def test_what_is_the_same(said: Any, expected: Any) -> None:
+def test_equal_values(reported: Any, expected: Any) -> None:
     """Records by name or in order, numbers of either type, and times in either form match."""
-    assert matches(said, expected)
+    assert matches(reported, expected)
 
 
 @pytest.mark.parametrize(
-    ("said", "expected"),
+    ("reported", "expected"),
     [
         ("0", "00"),
         ("20", 20),
@@ -60,13 +60,13 @@ def test_what_is_the_same(said: Any, expected: Any) -> None:
         ({"name": "a.rob", "run_time_s": 0}, None),
     ],
 )
-def test_what_is_not_the_same(said: Any, expected: Any) -> None:
+def test_different_values(reported: Any, expected: Any) -> None:
     """Other values, other orders and other types do not match."""
-    assert not matches(said, expected)
+    assert not matches(reported, expected)
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "reported"),
     [
         (b"a.rob", "a.rob"),
         (b"", None),
@@ -84,8 +84,10 @@ def test_what_is_not_the_same(said: Any, expected: Any) -> None:
         ),
     ],
 )
-def test_how_a_value_is_said(value: Any, said: Any) -> None:
-    """A value of the command table becomes JSON. Durations keep their type."""
-    assert expected_value(value) == said
-    if said is not None:
-        assert matches(said if not isinstance(value, RunningProgram) else ["a.rob", 90061], said)
+def test_values_as_json(value: Any, reported: Any) -> None:
+    """A value of the command table is converted to JSON. Durations keep their type."""
+    assert expected_value(value) == reported
+    if reported is not None:
+        assert matches(
+            reported if not isinstance(value, RunningProgram) else ["a.rob", 90061], reported
+        )

@@ -13,7 +13,7 @@ from scaraspec.client.text_interface import OPERATIONS
 DRIVERS = Path(__file__).parents[4] / "fixtures" / "drivers"
 BUILD = ("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2")
 ONLY = "3/13,4.8,4.12,4.15,4.32,5.2/5,5.3/12"
-"""A little of everything; the whole suite takes a minute, and is a matter of `certify`."""
+"""A few cases of each kind; the whole suite takes a minute, and is run with `certify`."""
 
 TIMEOUT_S = 120
 
@@ -39,25 +39,25 @@ def _scaraspec(*parse_arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_operations_are_told() -> None:
+def test_the_readme_lists_all_operations() -> None:
     """The README lists every operation with its values."""
     table = (DRIVERS / "README.md").read_text("utf-8").partition("## Operations")[2]
-    told = {
+    printed = {
         name: re.findall(r"`(\w+)`", values)
         for names, values, _ in re.findall(r"^\| (`.+?) \| (.*?)\| (.+) \|$", table, re.MULTILINE)
         for name in re.findall(r"`(\w+)`", names)
     }
-    assert told == {name: [v.strip("[]") for v in takes] for name, takes in OPERATIONS.items()}
+    assert printed == {name: [v.strip("[]") for v in takes] for name, takes in OPERATIONS.items()}
 
 
 def test_is_a_driver(driver: str) -> None:
-    """It follows the driver protocol."""
+    """The example follows the driver protocol."""
     done = _scaraspec("driver-check", driver)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_is_conformant(driver: str) -> None:
-    """It conforms to the document in some clauses of each kind."""
+    """The example conforms to the document in some clauses of each kind."""
     line = f"{driver} --transfer-timeout 1"
     options = ("--transfer-timeout", "1", "--only", ONLY)
     done = _scaraspec("certify", "client", "--driver", line, *options)

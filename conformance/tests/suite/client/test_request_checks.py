@@ -16,6 +16,6 @@ from scaraspec.suite.client.harness.request_checks import to_decimal_text
         (0.1 + 0.2, "0.3"),
     ],
 )
-def test_no_exponent_is_wanted(number: float, text: str) -> None:
-    """Expected numbers are shown without an exponent."""
+def test_expected_numbers_have_no_exponent(number: float, text: str) -> None:
+    """A number in an expected request has no exponent."""
     assert to_decimal_text(number) == text

@@ -185,7 +185,7 @@ class SmallChunks(Sender):
 
 
 class SmallAndMute(chunks_cut_by(SmallChunks), Mute):  # type: ignore[misc] # made by an operator
-    """Does no more than the document requires."""
+    """Does only what the document requires."""
 
 
 class Particular(OnlyFull, LittleOnly):
@@ -193,7 +193,7 @@ class Particular(OnlyFull, LittleOnly):
 
 
 class Touchy(FailsOnOddAnswers, chunks_checked_by(AnswersSignals)):  # type: ignore[misc] # made by an operator
-    """Reacts to every unexpected frame."""
+    """Fails at every unexpected frame."""
 
 
 class Sparing(AutoResponder):
@@ -256,7 +256,7 @@ def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
 
 
 def test_one_thing_at_a_time() -> None:
-    """A driver with one operation at a time passes all cases that do not need two."""
+    """A driver with one operation at a time passes all cases that need only one."""
     verdicts = _verdicts(OneAtATime(AsyncClient, DEFAULT))
     assert set(verdicts) == {"5.2/9.meanwhile", "5.4/5.meanwhile"}
     assert all(verdict.startswith("none: ") for verdict in verdicts.values())
@@ -278,8 +278,8 @@ class Tidies(AsyncClient):
             raise
 
 
-def test_what_it_waits_for_is_told() -> None:
-    """The report shows the unanswered request: a deletion needs a user (A-5-12)."""
+def test_the_report_shows_the_unanswered_request() -> None:
+    """The report shows the unanswered request: the robot need not answer a deletion (A-5-12)."""
     dialect = DEFAULT.replace(xfer_timeout="1")
     options = Options(only=frozenset({"5.2/4"}), allowed=ALL, examples=3)
     with closing(MemoryClient(Tidies, dialect)) as access:

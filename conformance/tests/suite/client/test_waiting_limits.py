@@ -21,19 +21,19 @@ TRANSFERS = frozenset({"5.1/1", "5.1/4", "5.1/12", "5.2/5", "5.3/1", "5.3/5", "5
 LATE = (0x52, 0x56)  # the answer to a chunk, and a chunk
 
 
-def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> None:
+def test_missing_reports_use_two_full_timeouts() -> None:
     """After two full timeouts for an operation, later waits are short."""
     silent = mutants()["waits-behind-the-last-answer"].wrong
     with closing(MemoryClient(silent, DEFAULT)) as access:
         options = Options(only=ONLY, allowed=ALL, examples=1)
         results = Run(ClientAdapter(access, Ics(), options)).results()
-    said = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
-    in_full = [message for message in said if "within 10 s" in message]
-    assert len(said) == len(ONLY)
+    reported = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
+    in_full = [message for message in reported if "within 10 s" in message]
+    assert len(reported) == len(ONLY)
     assert len(in_full) == 2
 
 
-def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_computer_causes_no_failures(monkeypatch: pytest.MonkeyPatch) -> None:
     """An aborted transfer is inconclusive if the suite itself was silent for too long."""
     in_time = IncomingConnection.send_frame
 
@@ -54,7 +54,7 @@ def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_part_of_a_list_that_comes_after_the_reply_timeout() -> None:
-    """A client that requests a part after a timeout of 1 s gets the pushed part before it."""
+    """A client with a timeout of 1 s gets the pushed part before it requests the next one."""
     dialect = DEFAULT.replace(reply_timeout="1")
     results = prove_client(Options(only=frozenset({"2/6"}), allowed=ALL), None, dialect)
     assert not [case for case in results.cases if case.verdict is Verdict.FAIL]

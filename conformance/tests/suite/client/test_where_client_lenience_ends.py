@@ -57,7 +57,7 @@ class WaitsForOneMore(ClientCore):
         return super().feed(data[:-1], now_s)
 
 
-def test_who_says_nothing_from_the_start_fails(tried: Try) -> None:
+def test_a_silent_client_fails(tried: Try) -> None:
     """No case can run, and the failure of the start is reported."""
     verdicts = dict(tried(WaitsForOneMore, "4.8/11"))
     assert verdicts.pop("run.begin") is Verdict.FAIL
@@ -65,7 +65,7 @@ def test_who_says_nothing_from_the_start_fails(tried: Try) -> None:
     assert set(verdicts.values()) == {Verdict.INCONCLUSIVE}
 
 
-def test_who_misreads_idle_is_tried_all_the_same(tried: Try) -> None:
+def test_a_client_that_misreads_idle(tried: Try) -> None:
     """A client that misreads an idle status fails only for that."""
     verdicts = tried(MisreadsIdle, "4.8/11", "2/5", "5.4/6", "4/9")
     failed = {case for case, verdict in verdicts.items() if verdict is Verdict.FAIL}
@@ -88,14 +88,14 @@ def test_who_misreads_idle_is_tried_all_the_same(tried: Try) -> None:
         ),
     ],
 )
-def test_what_is_ordinary_is_not_declined(
+def test_ordinary_values_must_not_be_declined(
     tried: Try, core: type[ClientCore], requirement: str
 ) -> None:
     """No open point allows a client to refuse ordinary values."""
     assert Verdict.FAIL in tried(core, requirement).values()
 
 
-def test_who_declines_everything_has_shown_nothing(tried: Try) -> None:
+def test_a_client_that_declines_everything(tried: Try) -> None:
     """A case in which nothing was sent is not a pass."""
     others = declines(lambda name, value: value != VALUES.get(name))
     cases = tried(others, "4.2/1", "4.5/1", "4.15/1", "4.20/1", "4.24/1", "T/5")
@@ -146,7 +146,7 @@ class GivesLongNamesUp(ClientCore):
         return super().upload(name, content)
 
 
-def test_what_is_begun_is_not_declined(tried: Try) -> None:
+def test_an_abort_is_not_a_local_refusal(tried: Try) -> None:
     """An abort after the name was sent is not a local refusal."""
     assert tried(GivesLongNamesUp, "5.2/1.drawn")["5.2/1.drawn"] is Verdict.FAIL
 
@@ -158,6 +158,6 @@ class SendsNoLongNames(ClientCore):
         super()._send(each for each in frames if len(each.data) != NAME_MAX_BYTES)
 
 
-def test_what_is_tried_is_not_declined(tried: Try) -> None:
+def test_a_timeout_is_not_a_local_refusal(tried: Try) -> None:
     """A timeout of a request that was never sent is not a local refusal."""
     assert tried(SendsNoLongNames, "4.11/1.names")["4.11/1.names"] is Verdict.FAIL

@@ -6,6 +6,7 @@ suite takes a few milliseconds, so that the other client can act between any two
 
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timedelta
+from functools import cache
 from typing import ClassVar, Final
 
 import pytest
@@ -113,7 +114,7 @@ def run(  # noqa: PLR0913 - each may differ
         frozenset(requirement.id for requirement in select(only)),
         frozenset(allowed),
         undefined=True,
-        examples=5,
+        examples=3,
     )
     access = MemoryAccess(robot.network, wait_limit_s=_LONGEST_S)
     names = tokens().__next__
@@ -208,6 +209,7 @@ def other_client_notices(results: Results) -> list[str]:
     return [notice for notice in results.notices if notice.startswith(REASON)]
 
 
+@cache
 def _duration_s(only: str) -> float:
     """Return the duration of these cases without another client."""
     return sum(case.duration_s for case in run(only).cases)

@@ -20,7 +20,8 @@ KINDS = {
     "T": Attempt(Outcome(CASE, Verdict.NONE, message="too short", reason=Reason.TOO_SHORT)),
     "J": Attempt(Outcome(CASE, Verdict.PASS), frozenset({"3/31"}), late=True),
 }
-"""Passes, fails on bytes, fails on lateness, inconclusive, stalled, too short, judge finds one."""
+"""Pass, failure by bytes, failure by lateness, inconclusive, stalled, too short, judge's
+finding."""
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ KINDS = {
     ],
 )
 def test_attempts(attempts: str, verdict: Verdict) -> None:
-    """Each series is complete, no shorter one is, and its outcome follows."""
+    """The series ends exactly here, and has this outcome."""
     series = [KINDS[kind] for kind in attempts]
     for count in range(1, len(series)):
         assert needs_another(series[:count])
@@ -62,8 +63,8 @@ def test_a_failure_that_cannot_be_repeated_counts() -> None:
     assert settle([KINDS["L"]], repeatable=False).verdict is Verdict.FAIL
 
 
-def test_a_late_message_in_a_case_that_is_not_repeated_proves_nothing() -> None:
-    """The message came while the case waited for it longer."""
+def test_a_late_message_in_a_case_that_is_not_repeated() -> None:
+    """The message came late, while the case waited longer."""
     delayed = replace(KINDS["L"], delayed=True)
     assert settle([delayed], repeatable=False).reason is Reason.INTERMITTENT
 

@@ -1,4 +1,4 @@
-"""The verdict follows from what a case raises and from what the subject does during it."""
+"""The verdict follows from what a case raises and from what the subject does during the case."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -33,7 +33,7 @@ Try = Callable[..., Results]
 
 @pytest.fixture
 def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
-    """Run a suite of these cases against a controller."""
+    """Run a suite of these cases on a controller."""
 
     def run(
         text: str,
@@ -50,7 +50,7 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
 
 
 def only(results: Results, name: str = "4.8/2") -> Case:
-    """The case of this name."""
+    """The only case with this name."""
     (found,) = (case for case in results.cases if case.id == name)
     return found
 
@@ -80,19 +80,18 @@ def test_verdicts(trial: Try, body: str, verdict: Verdict, cause: Cause | None) 
 
 
 class DiesOfAVersion(ControllerCore):
-    """Asked for its version, it answers nothing any more."""
+    """After a query of the version it answers nothing."""
 
     dead = False
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         type(self).dead |= frame.opcode == 0x08
         if not self.dead:
             super().handle(session, frame, now_s)
 
 
 def test_a_subject_that_a_case_kills(trial: Try) -> None:
-    """The case fails for it, and what comes after is inconclusive, not failed."""
+    """The case fails, and later cases are inconclusive, not failed."""
     DiesOfAVersion.dead = False
     results = trial(
         "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
@@ -107,18 +106,17 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
 
 
 class DiesOfStrayBytes(ControllerCore):
-    """Bytes that are no frame are its end."""
+    """Crashes when it receives bytes that are not a frame."""
 
     dead = False
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        """Serve, or not."""
         type(self).dead |= data[:1] != b"\xaa"
         return [] if self.dead else super().receive(connection, data, now_s)
 
 
-def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
-    """A subject that crashes has shown before how it answers correct requests."""
+def test_stray_bytes_are_sent_last(trial: Try) -> None:
+    """Cases that no client would cause come last, after all correct requests."""
     DiesOfStrayBytes.dead = False
     results = trial(
         "@case('3/19')\ndef test_one(line):\n    line.send_bytes(b'Hello')\n\n"
@@ -129,7 +127,7 @@ def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
     assert only(results).verdict is Verdict.PASS
 
 
-def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: Try) -> None:
+def test_order_of_cases_that_end_the_subject(trial: Try) -> None:
     """A case of clause 2 whose shutdown is refused runs before one whose shutdown is accepted."""
     body = "\ndef test_{}(line):\n    line.ask('get_status')\n\n"
     results = trial(
@@ -146,10 +144,9 @@ def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: 
 
 
 class Reboots(ControllerCore):
-    """Asked for its version, it answers nothing for twelve seconds."""
+    """After a query of the version it answers nothing for twelve seconds."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         if frame.opcode == 0x08:
             self.back_s = now_s + 12
         if now_s >= self.back_s:
@@ -158,8 +155,8 @@ class Reboots(ControllerCore):
     back_s = 0.0
 
 
-def test_what_comes_back_is_put_back(trial: Try) -> None:
-    """If a crashed subject returns in time, the changes of earlier cases are restored."""
+def test_a_restarted_subject_is_restored(trial: Try) -> None:
+    """If a crashed subject restarts in time, the changes of earlier cases are restored."""
     results = trial(
         "from scaraspec.protocol.commands import Point\n\n"
         "@case('4.20/3')\ndef test_one(line):\n"
@@ -170,7 +167,7 @@ def test_what_comes_back_is_put_back(trial: Try) -> None:
     assert {case.id for case in results.cases} == {"4.20/3"}
 
 
-def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
+def test_a_run_continues_after_a_restart(trial: Try) -> None:
     """A device with a watchdog restarts without a hook."""
     results = trial(
         "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
@@ -181,33 +178,31 @@ def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
     assert only(results).verdict is Verdict.PASS
 
 
-class LocksEverybodyOut(ControllerCore):
-    """Asked for its version, it refuses every login from then on."""
+class RefusesLogins(ControllerCore):
+    """After a query of the version it refuses every login."""
 
     logins = 0
     locked = False
 
     def get_version(self, request: Request) -> str:
-        """Tell it."""
         type(self).locked = True
         return super().get_version(request)
 
     def login(self, request: Request) -> bool:
-        """Refuse it, or not."""
         type(self).logins += self.locked
         return not self.locked and super().login(request)
 
 
-def test_who_lets_nobody_in_is_not_asked_over_and_over(trial: Try) -> None:
-    """It is reachable, and may count wrong passwords."""
-    LocksEverybodyOut.logins, LocksEverybodyOut.locked = 0, False
+def test_number_of_refused_logins_is_limited(trial: Try) -> None:
+    """The controller is reachable, but may count wrong passwords."""
+    RefusesLogins.logins, RefusesLogins.locked = 0, False
     text = "@case('4.7/2')\ndef test_one(line):\n    line.ask('get_version')\n"
-    trial(text, LocksEverybodyOut, Options())  # which has no password to put back
-    assert 0 < LocksEverybodyOut.logins < 10
+    trial(text, RefusesLogins, Options())  # there is no password to restore
+    assert 0 < RefusesLogins.logins < 10
 
 
-def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
-    """Whether it is at rest is unknown; cases without motion still run."""
+def test_no_motion_with_an_unreadable_status(trial: Try) -> None:
+    """It is unknown whether the arm is at rest; cases without motion still run."""
     results = trial(
         "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
         "@case('4.24/6')\ndef test_two(line):\n    1 / 0\n\n"
@@ -220,15 +215,15 @@ def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
 
 
 class StaysAtFault(ControllerCore):
-    """Its arm is out of range, whatever is done about it."""
+    """The arm stays out of range."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self.plant.fail("05", 0.0, lasting=True)
 
 
-def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
-    """It answers, but its state is unknown; each case reports what was observed."""
+def test_a_robot_in_an_error_state(trial: Try) -> None:
+    """The robot answers, but in an error state; each case reports that state."""
     results = trial(
         "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
         "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
@@ -240,7 +235,7 @@ def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
 
 
 def test_the_first_failure_of_each_requirement_is_enough(trial: Try) -> None:
-    """What may find another one is tried all the same."""
+    """A case that can fail another requirement still runs."""
     results = trial(
         "@case('4.8/2', name='a')\ndef test_one(line):\n    raise CaseFailed('wrong')\n\n"
         "@case('4.8/2', '4.8/3', name='b')\n"
@@ -251,22 +246,22 @@ def test_the_first_failure_of_each_requirement_is_enough(trial: Try) -> None:
     assert verdicts == [Verdict.FAIL, Verdict.FAIL, Verdict.NONE]
 
 
-def test_hazards_are_asked_for(trial: Try) -> None:
-    """What was not allowed is not run, and a run of nothing is no pass."""
+def test_hazards_must_be_allowed(trial: Try) -> None:
+    """Cases with other hazards are skipped, and a run without cases does not pass."""
     text = "@case('4.24/3')\ndef test_one(line):\n    1 / 0\n"
     results = trial(text, options=Options())
     assert only(results, "4.24/3").verdict is Verdict.NONE
     assert results.verdict is Conclusion.NOTHING_TESTED
 
 
-def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
-    """A case that hides another would be a hole."""
+def test_two_cases_with_one_name_are_an_error(trial: Try) -> None:
+    """The second case would hide the first one."""
     one = "@case('4.8/2')\ndef test_{}(line):\n    line.ask('get_status')\n"
     with pytest.raises(SuiteError, match=r"4\.8/2"):
         trial(one.format("a") + one.format("b"))
 
 
-def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
+def test_a_wrong_claim_is_a_separate_failure(trial: Try) -> None:
     """The claims of the ICS are compared with what is observed."""
     text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
     claim = Ics().with_claims(prelogin="all")
@@ -274,7 +269,7 @@ def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
     assert only(results, "claim.prelogin").verdict is Verdict.FAIL
 
 
-def test_what_was_changed_is_put_back(trial: Try) -> None:
+def test_changes_are_restored(trial: Try) -> None:
     """Password, clock and file that a case leaves changed are restored."""
     text = """
 from datetime import datetime
@@ -308,10 +303,8 @@ def test_one(subject, line):
 
 
 @pytest.mark.parametrize(("signals", "left"), [(1, (0.0, 0.0, 0.0)), (2, (1.0, 2.0, 3.0))])
-def test_who_ends_a_run_while_it_puts_back_has_to_insist(
-    trial: Try, signals: int, left: tuple[float, ...]
-) -> None:
-    """The first signal leaves nothing half put back, the second ends it at once."""
+def test_signals_during_restoring(trial: Try, signals: int, left: tuple[float, ...]) -> None:
+    """The first signal does not interrupt restoring, the second one ends it immediately."""
     stores = []
 
     class Signalled(ControllerCore):
@@ -368,46 +361,43 @@ def test_two(subject, line):
         _ENDED_WHILE_GARBAGE_IS_COLLECTED,
     ],
 )
-def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
+def test_a_signal_ends_the_run(trial: Try, text: str) -> None:
     """Also if hypothesis reports the signal among the failures of a case, or not at all."""
     assert "run.interrupted" in (found := {case.id for case in trial(text).cases})
     assert "4.8/2.b" not in found
 
 
 class KeepsSmallLetters(ControllerCore):
-    """It stores a new password in small letters, and compares a given password unchanged."""
+    """Stores a new password in lower case, and compares a given password unchanged."""
 
     def set_password(self, request: Request) -> bool:
-        """Change the letters."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new.lower())))
 
 
 class KeepsFifteenBytes(ControllerCore):
-    """Of a new password it keeps what a buffer of sixteen bytes holds beside an end."""
+    """Keeps only fifteen bytes of a new password, as in a buffer of sixteen with a NUL."""
 
     def set_password(self, request: Request) -> bool:
-        """Cut it."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
 
 
 class ComparesWhatItKeeps(ControllerCore):
-    """Of a new password it keeps eight bytes, which are all that it looks at in a login."""
+    """Keeps only eight bytes of a new password, and compares only eight in a login."""
 
     def set_password(self, request: Request) -> bool:
-        """Cut it."""
         old, new = request.value
         return super().set_password(replace(request, value=PasswordChange(old, new[:8])))
 
     def login(self, request: Request) -> bool:
-        """Cut what is said."""
         return super().login(replace(request, value=request.value[:8]))
 
 
 @pytest.mark.parametrize("core", [KeepsSmallLetters, KeepsFifteenBytes, ComparesWhatItKeeps])
-def test_nobody_is_locked_out(trial: Try, core: type[ControllerCore]) -> None:
-    """What a faulty subject may have made of a password is tried, for it is put back."""
+def test_the_password_is_restored(trial: Try, core: type[ControllerCore]) -> None:
+    """The suite tries the variants of a password that a faulty subject may have stored, to restore
+    it."""
     text = """
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
 
@@ -438,7 +428,7 @@ def test_missing_hooks(trial: Try) -> None:
 
 
 def test_missing_hooks_of_judged_requirements(trial: Try) -> None:
-    """The notice says that nothing is left to judge."""
+    """The notice states that other cases have judged the requirements."""
     results = trial(
         "@case('4.31/2', name='driven', needs=('set_input',))\ndef test_one(line):\n    pass\n\n"
         "@case('4.31/2')\ndef test_two(line):\n    pass\n",
@@ -450,7 +440,7 @@ def test_missing_hooks_of_judged_requirements(trial: Try) -> None:
 
 
 class SilentAfterVersion(ControllerCore):
-    """A connection that asks for the version gets no reply any more."""
+    """After a query of the version, its connection gets no replies."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -464,7 +454,7 @@ class SilentAfterVersion(ControllerCore):
             super().handle(session, frame, now_s)
 
 
-def test_findings_that_the_traffic_does_not_decide_are_counted(trial: Try) -> None:
+def test_undecided_findings_are_counted(trial: Try) -> None:
     """They change no verdict, and a requirement without other evidence is not judged."""
     results = trial(
         "@case('4.8/2')\ndef test_one(line):\n    line.send('get_version')\n    line.wait(6)\n",
@@ -480,7 +470,7 @@ def test_findings_that_the_traffic_does_not_decide_are_counted(trial: Try) -> No
 
 
 class HasNoClock(ControllerCore):
-    """It does not answer the query for the time."""
+    """Does not answer the query for the time."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Serve everything else."""
@@ -489,7 +479,8 @@ class HasNoClock(ControllerCore):
 
 
 def test_a_dependency_fails_once(trial: Try) -> None:
-    """The first case that needs it fails with its requirement; the cases about it fail, too."""
+    """The first case that needs the reply fails with that requirement; cases about the reply fail,
+    too."""
     asks = "\ndef test_{}(line):\n    line.ask('get_time')\n\n"
     cases = ("4.5/4", "4.6/2", "4.7/2", "4.8/2")
     results = trial("".join(f"@case('{c}')" + asks.format(c[2]) for c in cases), HasNoClock)
@@ -507,7 +498,7 @@ def test_a_dependency_fails_once(trial: Try) -> None:
 
 
 def test_a_failure_shows_its_own_frames(trial: Try) -> None:
-    """The frames with which a case puts back what it has changed come later."""
+    """The frames with which a case restores its changes come later."""
     results = trial(
         "@case('4.8/2')\ndef test_one(line):\n"
         "    try:\n        expect(line.ask('get_version').accepted, 'wrong', observed='V1.0.0')\n"
@@ -521,7 +512,7 @@ def test_a_failure_shows_its_own_frames(trial: Try) -> None:
 
 
 def test_a_case_that_the_subject_does_not_survive_fails(trial: Try) -> None:
-    """Although another one has had the same effect before: each may be a fault of its own."""
+    """An earlier case had the same effect, but each may be a fault of its own."""
     crashes = "\ndef test_{}(line):\n    line.send('get_version')\n    line.ask('get_time')\n\n"
     cases = ("4.8/2", "4.9/6")
     results = trial("".join(f"@case('{c}')" + crashes.format(c[2]) for c in cases), Reboots)

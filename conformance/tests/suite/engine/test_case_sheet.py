@@ -1,4 +1,4 @@
-"""Sheets of cases: what they state is in the case."""
+"""Sheets of cases: what the test specification states about a case."""
 
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
@@ -12,7 +12,7 @@ def _sheet(case_id: str, role: Role = Role.CONTROLLER) -> CaseSheet:
 
 
 def test_values() -> None:
-    """Listed values are those of the list, drawn ones their strategy."""
+    """Listed values are those of the list, drawn ones the strategy."""
     sheet = _sheet("4.15/7")
     assert sheet.values[0].startswith("listed: [stem, stem + dot, ")
     assert sheet.values[1] == "drawn: st.text('abcxyzABC0123456789_-', min_size=8, max_size=20)"
@@ -20,7 +20,7 @@ def test_values() -> None:
 
 
 def test_parameters() -> None:
-    """A case of several with the same function states its parameters."""
+    """Each of several cases with the same function states its parameters."""
     assert _sheet("4.17/6.jog").values[0].endswith(" = jog")
 
 
@@ -35,7 +35,7 @@ def test_preconditions() -> None:
 
 
 def test_a_long_case() -> None:
-    """It needs patience, and its duration is in hours."""
+    """It has a long duration, which is in hours."""
     sheet = _sheet("4.6/4.days")
     assert "--patience, if it waits longer; otherwise it is skipped" in sheet.preconditions
     assert f"{sheet.duration}".startswith("72 h and ")

@@ -1,4 +1,4 @@
-"""Deadline: it depends on the clock alone, not on the number of pauses."""
+"""The deadline depends on the clock alone, not on the number of pauses."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ def test_deadline_follows_the_clock() -> None:
 
 
 def test_deadline_without_duration_has_expired() -> None:
-    """A deadline after no time has expired from the start."""
+    """A deadline after 0 s has expired from the start."""
     assert Deadline(_Clock(), 0.0).expired
 
 

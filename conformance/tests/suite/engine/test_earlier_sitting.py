@@ -38,13 +38,13 @@ def first() -> Results:
 
 
 def test_the_same_run(first: Results) -> None:
-    """The link, and what the run requires, may differ: they change no verdict."""
+    """The link and the required coverage may differ, because they change no verdict."""
     options = replace(OPTIONS, required=frozenset({"4.8/2"}), required_percent=50.0)
     assert difference(first, replace(adapter(options=options), link="elsewhere")) == ""
 
 
 @pytest.mark.parametrize(
-    ("ics", "options", "says"),
+    ("ics", "options", "expected_text"),
     [
         ({"name": "Plant B"}, {}, "subject.name was Plant A and is Plant B"),
         ({"version": ""}, {}, "subject.version was 1.2 and is not given"),
@@ -62,17 +62,17 @@ def test_the_same_run(first: Results) -> None:
         ({}, {"only": frozenset({f"4.{n}/2" for n in range(1, 20)})}, "4.1/2,4.10/2"),
     ],
 )
-def test_what_changes_a_verdict(
-    first: Results, ics: dict[str, Any], options: dict[str, Any], says: str
+def test_differences_that_change_a_verdict(
+    first: Results, ics: dict[str, Any], options: dict[str, Any], expected_text: str
 ) -> None:
-    """The sentence names the difference, in less than two lines."""
+    """The message names the difference, in less than two lines."""
     found = difference(first, adapter(replace(ICS, **ics), replace(OPTIONS, **options)))
-    assert says in found
+    assert expected_text in found
     assert len(found) < 160
 
 
 def test_other_timeouts_and_suites(first: Results) -> None:
-    """The patience of a run, another version of the suite, and results of schema 1."""
+    """Another wait limit, another version of the suite, and results of schema 1."""
     assert difference(first, adapter(wait_limit_s=5.0)) == "patience_s was inf and is 5"
     old = replace(first, tool=replace(first.tool, version="0.0.9"))
     assert "version of scaraspec was 0.0.9 and is" in difference(old, adapter())
@@ -99,7 +99,7 @@ def continued(earlier: Results, *, end_at: str = "") -> tuple[Results, list[str]
     return Run(adapter(), earlier=earlier, announce=announce).results(), ran
 
 
-def test_nothing_is_lost(first: Results) -> None:
+def test_earlier_results_are_kept(first: Results) -> None:
     """Verdicts, findings, wrong claims, readings and counts of the earlier run are kept."""
     failed = replace(first.cases[0], verdict=Verdict.FAIL)
     seen = replace(failed, id=f"4.8/2{SEEN}1")
@@ -120,7 +120,7 @@ def test_nothing_is_lost(first: Results) -> None:
     assert results.undecided == {"3/31": 2}
 
 
-def test_an_interruption_loses_nothing(first: Results) -> None:
+def test_an_interruption_keeps_earlier_results(first: Results) -> None:
     """A case that the earlier run has completed stays, although this run did not reach it."""
     *_, last = first.cases
     (missing,) = {case.id for case in first.cases} - {last.id}

@@ -1,4 +1,4 @@
-"""What a case is tried for is counted, listed and drawn, and reaches the results."""
+"""Examples: values of a case, listed or drawn, are counted and reported."""
 
 from collections.abc import Callable
 
@@ -10,8 +10,8 @@ from scaraspec.virtual_controller.core import ControllerCore
 from tests.suite.conftest import CaseResults
 
 
-def test_what_is_listed_and_drawn_is_counted() -> None:
-    """Each value counts once, as it is taken: what is left of a list where a case ends does not."""
+def test_examples_are_counted() -> None:
+    """Each value counts once, when it is used; unused values of a list do not count."""
     drawn = []
 
     @settings(max_examples=7, database=None)
@@ -26,13 +26,13 @@ def test_what_is_listed_and_drawn_is_counted() -> None:
     assert tally.examples == 3 + 1 + len(drawn)
 
 
-def test_within_nothing_that_counts() -> None:
-    """A case that a team's own test calls goes through its values all the same."""
+def test_examples_without_a_counter() -> None:
+    """Without a counter, a case still runs all its values."""
     assert list(examples(range(3))) == [0, 1, 2]
 
 
-def test_the_results_tell_of_them(run_cases: Callable[..., CaseResults]) -> None:
-    """A case about many values tells how many they were; one about one thing tells 0."""
+def test_results_have_the_number_of_examples(run_cases: Callable[..., CaseResults]) -> None:
+    """A case about many values reports their number; a case about one reports 0."""
     cases = run_cases(ControllerCore, "3/20", "4.7/2", examples=4)
     assert cases["3/20.length"].examples == 12  # three sizes, and four lengths for each
     assert cases["4.7/2"].examples == 0

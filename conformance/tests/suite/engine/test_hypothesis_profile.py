@@ -1,4 +1,4 @@
-"""A seed alone decides what is drawn."""
+"""The seed alone determines the drawn values."""
 
 import sys
 from importlib import import_module
@@ -25,8 +25,8 @@ def _drawn() -> list[tuple[str, int]]:
     return taken
 
 
-def test_what_else_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The constants of a module that lies about in a source tree change nothing."""
+def test_other_modules_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Constants in a module beside the source tree change nothing."""
     before = _drawn()
     path = tmp_path / "lying_about.py"
     path.write_text("\n".join(f"C{n} = 'constant {n}', {n * 7919}" for n in range(400)))

@@ -1,4 +1,4 @@
-"""The statement of conformance: what it may say, and how a mistake in it is told."""
+"""The ICS: valid keys, and the messages for invalid ones."""
 
 import sys
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from scaraspec.suite.engine.hooks import HOOKS, CommandHook, HookError
 from scaraspec.suite.engine.ics import Ics, IcsError
 
-WHOLE = """
+COMPLETE = """
 [subject]
 name = "Plant A"
 version = "1.2.0"
@@ -33,15 +33,15 @@ restart = "PYTHON -c 'import time; print(1, flush=True); time.sleep(60)'"
 
 
 def read(text: str, folder: Path) -> Ics:
-    """The statement that a file of this text makes."""
+    """Read an ICS with this text."""
     file = folder / "ics.toml"
     file.write_text(text.replace("PYTHON", sys.executable), encoding="utf-8")
     return Ics.read(file)
 
 
-def test_a_whole_statement(tmp_path: Path) -> None:
-    """Everything that can be said is understood."""
-    ics = read(WHOLE, tmp_path)
+def test_a_complete_ics(tmp_path: Path) -> None:
+    """Each key has its effect."""
+    ics = read(COMPLETE, tmp_path)
     assert (ics.name, ics.version) == ("Plant A", "1.2.0")
     assert ics.unsupported == {"shutdown"}
     assert ics.claimed == {"op_get_default", "xfer_timeout"}
@@ -50,8 +50,8 @@ def test_a_whole_statement(tmp_path: Path) -> None:
 
 
 def test_claims_in_a_recording(tmp_path: Path) -> None:
-    """The recording of a run has what its judge needs, and no hooks."""
-    ics = read(WHOLE, tmp_path)
+    """The recording contains the claims that the judge needs, and no hooks."""
+    ics = read(COMPLETE, tmp_path)
     assert ics.recorded == {
         "readings.op_get_default": "0x13",
         "readings.xfer_timeout": "1",
@@ -66,15 +66,15 @@ def test_claims_in_a_recording(tmp_path: Path) -> None:
 
 
 def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
-    """Placeholders are filled in; another status than 0 is an error that names the hook."""
-    hook = read(WHOLE, tmp_path).hooks["set_input"]
+    """Placeholders are replaced; an exit status other than 0 is an error that names the hook."""
+    hook = read(COMPLETE, tmp_path).hooks["set_input"]
     hook.run(port=3, value=1)
     with pytest.raises(HookError, match="set_input ended with status 1"):
         hook.run(port=3, value="0; true")
 
 
-def test_a_hook_whose_program_cannot_be_executed(tmp_path: Path) -> None:
-    """A file without the permission is refused, and with it is accepted."""
+def test_a_hook_program_without_permission(tmp_path: Path) -> None:
+    """A file without the execute permission is refused; with it, it is accepted."""
     program = tmp_path / "restart.sh"
     program.write_text("#!/bin/sh\n", encoding="utf-8")
     text = f"[hooks]\nrestart = '{program}'"
@@ -91,14 +91,14 @@ def test_every_placeholder_can_be_checked() -> None:
 
 
 def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
-    """Its time limit holds."""
-    hook = read(WHOLE.replace("timeout_s = 5", "timeout_s = 0.2"), tmp_path).hooks["restart"]
+    """The hook is stopped after its time limit."""
+    hook = read(COMPLETE.replace("timeout_s = 5", "timeout_s = 0.2"), tmp_path).hooks["restart"]
     with pytest.raises(HookError, match=r"restart did not end within 0\.2 s"):
         hook.run()
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("[subject]\nnmae = 'x'", "subject.nmae is not known"),
         ("[subject]\nname = 3", "subject.name must be str"),
@@ -136,12 +136,14 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
         ("[hooks]\nrestart = 'no-such-program-on-the-path'", "does not exist or is not executable"),
         ("readings = 3", "[readings] must be a table"),
         ("[subject\n", "is not valid TOML"),
+        ("a = " + "9" * 5000, "is not valid TOML"),
+        ("a = " + "[" * 5000, "is not valid TOML"),
         ("[more]\n", "more is not known"),
     ],
 )
-def test_mistakes(tmp_path: Path, text: str, says: str) -> None:
-    """Each is one sentence that names the file and the key."""
-    with pytest.raises(IcsError) as told:
+def test_mistakes(tmp_path: Path, text: str, message: str) -> None:
+    """Each mistake has a message of one sentence, which names the file and the key."""
+    with pytest.raises(IcsError) as printed:
         read(text, tmp_path)
-    assert says in str(told.value)
-    assert str(tmp_path) in str(told.value)
+    assert message in str(printed.value)
+    assert str(tmp_path) in str(printed.value)

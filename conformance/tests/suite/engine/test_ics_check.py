@@ -16,7 +16,7 @@ _UNANSWERED = re.compile(r"^# (\w+ = )", re.MULTILINE)
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         (
             "[subject]\nlacks = ['jog']\n[readings]\njog_byte = 'ascii'",
@@ -53,10 +53,10 @@ _UNANSWERED = re.compile(r"^# (\w+ = )", re.MULTILINE)
         ),
     ],
 )
-def test_contradictions(text: str, says: str) -> None:
+def test_contradictions(text: str, message: str) -> None:
     """Each contradiction has one sentence."""
     (problem,) = problems_of(tomllib.loads(text))
-    assert problem.startswith(says)
+    assert problem.startswith(message)
 
 
 @pytest.mark.parametrize(
@@ -70,12 +70,12 @@ def test_contradictions(text: str, says: str) -> None:
     ],
 )
 def test_no_contradiction(text: str) -> None:
-    """What can be true is accepted."""
+    """An ICS without contradictions is accepted."""
     assert problems_of(tomllib.loads(text)) == []
 
 
 def test_proforma_has_every_question() -> None:
-    """Each question has a line, and the lines are a valid ICS if all are answered by default."""
+    """Each question has a line, and the default answers give a valid ICS."""
     document = tomllib.loads(_UNANSWERED.sub(r"\1", proforma()))
     assert document["readings"].keys() == READINGS.keys()
     assert document["hooks"].keys() == HOOKS.keys() | {"timeout_s"}
@@ -85,7 +85,7 @@ def test_proforma_has_every_question() -> None:
 
 
 def test_answers_are_filled_in() -> None:
-    """What one observation shows is claimed; hostile text stays a string."""
+    """An option that was observed alone is claimed; hostile text stays a string."""
     text = proforma(
         Answers(
             "tcp://robot",

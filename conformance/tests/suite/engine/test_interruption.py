@@ -1,4 +1,4 @@
-"""A run may be ended at any moment, and fails nobody for it."""
+"""A run can be interrupted at any moment, and no case fails because of it."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from scaraspec.virtual_controller.core import ControllerCore
 
 @dataclass(frozen=True)
 class EndingAccess(MemoryAccess):
-    """A signal comes when bytes have been sent, or taken, so often, and are nobody's yet."""
+    """Sends a signal after a number of sent or received pieces of bytes."""
 
     signals: list[Callable[[], None]] = field(default_factory=list)
     at: int = 0
@@ -52,8 +52,8 @@ class EndingAccess(MemoryAccess):
 
 
 @pytest.mark.parametrize("at", range(20, 700, 61))
-def test_an_ended_run_fails_nobody(at: int) -> None:
-    """What has passed is judged, once, before the run ends; and all is put back."""
+def test_an_interrupted_run_has_no_failures(at: int) -> None:
+    """The traffic until then is judged once, and everything is restored."""
     access = EndingAccess(Robot(ControllerCore, DEFAULT).network, at=at)
     options = Options(only=frozenset({"5.2/2", "5.3/4"}), allowed=ALL, examples=3)
     run = Run(ControllerAdapter(access, Ics(), PASSWORD, options))
@@ -65,8 +65,8 @@ def test_an_ended_run_fails_nobody(at: int) -> None:
     assert "run.restore" not in found
 
 
-def test_a_step_is_never_torn_apart() -> None:
-    """Who ends the run within a step ends it behind the step, and once."""
+def test_a_step_is_not_interrupted() -> None:
+    """An interruption during a step takes effect after the step, and once."""
     interruption, done = Interruption(), []
 
     def step() -> None:
@@ -78,5 +78,5 @@ def test_a_step_is_never_torn_apart() -> None:
     with pytest.raises(KeyboardInterrupt):
         step()
     assert done
-    with interruption:  # it is over: putting back goes on
+    with interruption:  # the interruption is over, so that restoring continues
         pass

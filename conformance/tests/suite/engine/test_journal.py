@@ -1,4 +1,4 @@
-"""The journal keeps what it was given, whatever becomes of the process and the disk."""
+"""The journal keeps its records if the process is killed or the disk is full."""
 
 import errno
 import json
@@ -39,7 +39,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def begun(path: Path) -> Journal:
-    """The journal of a run that has changed something of every kind."""
+    """The journal of a run that has changed something of each kind."""
     journal = Journal(path)
     journal.begin(BEGUN, SETTINGS)
     journal.write("changing", setting="clock")
@@ -51,7 +51,7 @@ def begun(path: Path) -> Journal:
 
 
 def earlier(path: Path) -> Changes:
-    """What the next run finds."""
+    """The records that the next run finds."""
     found = Journal(path).earlier
     assert found
     return found
@@ -71,8 +71,8 @@ def test_only_what_is_announced_is_waited_for(path: Path, monkeypatch: pytest.Mo
     assert [text.count(b"deleted") for text in waits] == [1]
 
 
-def test_what_a_killed_run_has_left(path: Path) -> None:
-    """The next run reads what was written, and nothing if the run has ended in order."""
+def test_records_of_a_killed_run(path: Path) -> None:
+    """The next run reads the records of a killed run, and none of a run that ended normally."""
     assert Journal(path).earlier is None
     journal = begun(path)
     assert earlier(path) == Changes(
@@ -83,8 +83,8 @@ def test_what_a_killed_run_has_left(path: Path) -> None:
     assert not [*path.parent.iterdir()]
 
 
-def test_put_back(path: Path) -> None:
-    """What was put back is not put back again."""
+def test_restored_settings(path: Path) -> None:
+    """Restored settings are not restored again."""
     journal = begun(path)
     for event in ("restored", "password-restored", "rest"):
         journal.confirm(event)
@@ -94,16 +94,16 @@ def test_put_back(path: Path) -> None:
 
 
 @pytest.mark.parametrize("event", ["password", "offered"])
-def test_torn_at_every_byte(path: Path, event: str) -> None:
-    """A last line that is torn at any byte announces nothing, and the next record is kept."""
+def test_truncated_at_every_byte(path: Path, event: str) -> None:
+    """An incomplete last record is ignored, and the next record is kept."""
     journal = begun(path)
-    whole, before = path.read_bytes(), earlier(path)
+    complete, before = path.read_bytes(), earlier(path)
     journal.write(event, value="007", name="zsaaaa2.rob")
     after = earlier(path)
     longer = path.read_bytes()
     journal.close()
     assert after != before
-    for size in range(len(whole), len(longer)):
+    for size in range(len(complete), len(longer)):
         path.write_bytes(longer[:size])
         found = Journal(path)
         assert found.earlier == (after if size == len(longer) - 1 else before), size
@@ -150,7 +150,8 @@ def test_private(tmp_path: Path) -> None:
 
 
 def test_one_run_at_a_time(tmp_path: Path) -> None:
-    """A controller that another run uses is reported in one sentence; others are free."""
+    """If another run uses the controller, one sentence reports it; other controllers can be
+    used."""
     with Journal.of(URL, tmp_path):
         with (
             pytest.raises(ControllerBusyError, match=rf"^another scaraspec run is using {URL}: "),
@@ -177,7 +178,7 @@ def test_state_directory(tmp_path: Path) -> None:
 
 @pytest.fixture
 def room_bytes(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
-    """For how many bytes the disk of the journal has room."""
+    """The number of bytes that fit on the disk of the journal."""
     room = {"bytes": 1_000_000}
 
     def write(descriptor: int, data: bytes) -> int:
@@ -197,7 +198,8 @@ def room_bytes(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
 @pytest.mark.parametrize("fits", [0, 1, 20, 30])
 def test_full_disk(path: Path, room_bytes: dict[str, int], fits: int) -> None:
-    """A change that cannot be written is refused; with room again, nothing later is lost."""
+    """A change that cannot be written is refused; if there is space again, later records are
+    kept."""
     journal = begun(path)
     room_bytes["bytes"] = fits
     with pytest.raises(JournalError, match=r"cannot be written: No space left on device$"):
@@ -212,8 +214,8 @@ def test_full_disk(path: Path, room_bytes: dict[str, int], fits: int) -> None:
     assert earlier(path).files == []
 
 
-def test_full_disk_while_putting_back(path: Path, room_bytes: dict[str, int]) -> None:
-    """What is put back need not be written down."""
+def test_full_disk_while_restoring(path: Path, room_bytes: dict[str, int]) -> None:
+    """A restored setting may be missing in the journal."""
     journal = begun(path)
     room_bytes["bytes"] = 0
     with journal.restoring():
@@ -224,7 +226,7 @@ def test_full_disk_while_putting_back(path: Path, room_bytes: dict[str, int]) ->
 
 
 def test_full_disk_at_the_start(path: Path, room_bytes: dict[str, int]) -> None:
-    """A run that cannot begin its journal leaves that of an interrupted run as it is."""
+    """A run that cannot start its journal does not change that of an interrupted run."""
     begun(path).close()
     before = path.read_bytes()
     room_bytes["bytes"] = 50
@@ -236,7 +238,7 @@ def test_full_disk_at_the_start(path: Path, room_bytes: dict[str, int]) -> None:
 
 
 class KeptJournal(Journal):
-    """Keeps what was in the file."""
+    """A journal whose file stays after the end."""
 
     text = ""
 
@@ -247,7 +249,7 @@ class KeptJournal(Journal):
 
 
 def test_no_password_of_the_user(path: Path) -> None:
-    """The journal names every password that the suite has set, and never that of the user."""
+    """The journal contains each password that the suite has set, and never the user's own."""
     robot = Robot(ControllerCore, DEFAULT)
     robot.set_password(password := b"Geheim-42")
     journal = KeptJournal(path)

@@ -1,4 +1,5 @@
-"""An operator replaces hooks; the requests are evidence, and the operator's time does not count."""
+"""An operator replaces hooks; the requests are evidence, and the time of the operator does not
+count."""
 
 import os
 import string
@@ -60,7 +61,7 @@ def terminal() -> Iterator[Terminal]:
 
 
 def test_a_request_in_plain_words(terminal: Terminal) -> None:
-    """The operator notes something, types something unknown, and confirms."""
+    """The operator types a note, an unknown word, and the confirmation."""
     operator, types, shown = terminal
     notes: list[str] = []
     operator.ask("set digital input 3 to 1")
@@ -73,7 +74,7 @@ def test_a_request_in_plain_words(terminal: Terminal) -> None:
 
 
 def test_keys_typed_before_a_request(terminal: Terminal) -> None:
-    """An Enter too many does not confirm the next request."""
+    """An additional Enter does not confirm the next request."""
     operator, types, _ = terminal
     types("\n\n")
     operator.ask("set digital input 3 to 1")
@@ -94,7 +95,7 @@ def test_leaving(terminal: Terminal) -> None:
 # ---------------------------------------------------------------------- cases
 
 
-def test_every_attended_case_can_be_asked_for() -> None:
+def test_every_attended_case_has_a_request() -> None:
     """A request has the placeholders of its hook; an attended case needs no other hook."""
     for name, request in REQUESTS.items():
         fields = [{f for _, f, *_ in string.Formatter().parse(t)} for t in (request, HOOKS[name])]
@@ -104,7 +105,8 @@ def test_every_attended_case_can_be_asked_for() -> None:
 
 
 def test_which_cases_run() -> None:
-    """Without an operator none, and never those that depend on the moment or ask too often."""
+    """Cases with hooks need an operator; cases with critical times or many requests are skipped
+    even then."""
     driven, patterns = (
         next(case for case in collect(Options()) if case.id == name)
         for name in (INPUTS, "4.31/2.patterns")
@@ -119,30 +121,29 @@ def test_requests_are_evidence() -> None:
     results = run(RobotOperator, INPUTS, FAULT, "8/2.faults", "6.5/21.each-port")
     assert {case.verdict for case in results.cases} == {Verdict.PASS}
     assert [case.id for case in results.cases] == [FAULT, "8/2.faults", INPUTS, "6.5/21.each-port"]
-    asked = [each.request for each in results.cases[2].operator]
-    assert asked[0] == "set digital input 1 to 1"
-    assert asked[-1].count("; ") == 7
-    assert len(asked) == 9
+    operator_requests = [each.request for each in results.cases[2].operator]
+    assert operator_requests[0] == "set digital input 1 to 1"
+    assert operator_requests[-1].count("; ") == 7
+    assert len(operator_requests) == 9
     assert results.cases[0].operator[0].request == "cause a motor fault of inner arm that lasts"
     assert Results.from_json(results.to_json().encode()) == results
 
 
 class Slow(RobotOperator):
-    """Needs an hour for each request, and notes it."""
+    """Needs an hour for each request, and types a note."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
         self._network = robot.network
 
     def poll(self, note: Callable[[str], None]) -> OperatorAnswer | None:
-        """Take an hour."""
         self._network.run_until(self._network.now_s + 3600)
         note("late")
         return OperatorAnswer.DONE
 
 
 def test_the_time_of_the_operator_does_not_count() -> None:
-    """It is in the evidence, and not in the duration of the case."""
+    """The time is in the evidence, but not in the duration of the case."""
     case = only(run(Slow, INPUTS))
     assert case.verdict is Verdict.PASS
     assert case.duration_s < 60
@@ -167,7 +168,7 @@ def test_a_failure_is_not_repeated() -> None:
 
 
 class Skips(RobotOperator):
-    """Skips the requests from a number on."""
+    """Skips the requests from this number on."""
 
     first = 0
 
@@ -178,7 +179,7 @@ class Skips(RobotOperator):
 
 
 def test_a_skipped_case() -> None:
-    """It has no verdict because of the hook, and a notice names the hook."""
+    """The case has no verdict because of the hook, and a notice names the hook."""
     results = run(Skips, INPUTS)
     case = only(results)
     assert (case.verdict, case.reason) == (Verdict.NONE, Reason.HOOK)
@@ -201,37 +202,35 @@ class LazyAtFirst(Skips, Lazy):
 
 
 def test_a_skipped_cleanup_hides_no_failure() -> None:
-    """The case has failed before the operator skipped what was left to do."""
+    """The case had failed before the operator skipped the cleanup."""
     assert only(run(LazyAtFirst, FAULT)).verdict is Verdict.FAIL
 
 
 class Clumsy(RobotOperator):
-    """Restarts the robot in addition."""
+    """Does not only what is requested, but also restarts the robot."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
         self._restart = robot.restart
 
     def ask(self, request: str) -> None:
-        """Restart it."""
         self._restart()
         super().ask(request)
 
 
 def test_a_connection_that_ends_during_a_request() -> None:
-    """The controller is not to blame."""
+    """The case is inconclusive, because the operator may have caused it."""
     case = only(run(Clumsy, INPUTS))
     assert case.verdict is Verdict.INCONCLUSIVE
     assert case.message == "a connection ended during a request to the operator"
 
 
 class HangsAtAVersion(ControllerCore):
-    """Asked for its version, it answers nothing any more until it is restarted."""
+    """After a query of the version it answers nothing until it is restarted."""
 
     dead = False
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        """Serve, or not."""
         self.dead |= frame.opcode == 0x08
         if not self.dead:
             super().handle(session, frame, now_s)

@@ -18,13 +18,13 @@ from scaraspec.suite.engine.selection import Selection, SelectionError, parse_se
     ],
 )
 def test_items(text: str, requirements: set[str], cases: set[str]) -> None:
-    """Requirements, cases, findings and claims are accepted, as the report prints them."""
+    """Requirements, cases, findings and claims are accepted in the form of the report."""
     expected = Selection(frozenset(requirements), frozenset(cases))
     assert parse_selection(text, Role.CONTROLLER) == expected
 
 
 def test_everything() -> None:
-    """Without a list everything is selected; a clause names what can be tested of it."""
+    """Without a list everything is selected; a clause selects its testable requirements."""
     assert parse_selection(None, Role.CONTROLLER).requirements is None
     clause = parse_selection("4.7", Role.CONTROLLER).requirements
     assert clause is not None

@@ -1,4 +1,4 @@
-"""What a sequence fails without is left out of it."""
+"""Shrinking: a failing sequence is reduced to the steps that it needs."""
 
 from collections.abc import Sequence
 
@@ -10,8 +10,8 @@ from scaraspec.suite.engine.shrink import Failure, shrink_sequence
 
 
 @given(places=st.lists(st.integers(0, 60), min_size=1, max_size=4), length=st.integers(0, 60))
-def test_only_what_matters_is_left(places: list[int], length: int) -> None:
-    """Whatever lies before, between and behind the few steps that it takes."""
+def test_only_needed_steps_remain(places: list[int], length: int) -> None:
+    """All other steps are removed, wherever they are."""
     needed = list(range(len(places)))
     steps = [-1] * length
     for number, place in zip(needed, sorted(places), strict=True):
@@ -30,8 +30,8 @@ def test_only_what_matters_is_left(places: list[int], length: int) -> None:
     assert f"{shrink_sequence(steps, failure, attempt).error}" == f"{needed}"
 
 
-def test_tries_are_bounded() -> None:
-    """A sequence of which everything matters is given back as it was."""
+def test_number_of_tries_is_limited() -> None:
+    """A sequence in which every step matters stays unchanged."""
     tries = 0
 
     def attempt(_: Sequence[int]) -> Failure | None:
@@ -39,18 +39,18 @@ def test_tries_are_bounded() -> None:
         tries += 1
         return None
 
-    whole = Failure(CaseFailed("whole"), 5000)
-    assert shrink_sequence(range(5000), whole, attempt) is whole
+    complete = Failure(CaseFailed("whole"), 5000)
+    assert shrink_sequence(range(5000), complete, attempt) is complete
     assert tries <= 200
 
 
-def test_there_may_be_no_time_for_another_try() -> None:
-    """Then the shortest sequence is given back that was found until then."""
+def test_time_for_shrinking_is_limited() -> None:
+    """If time is over, the shortest sequence so far is returned."""
     left = [True]
 
     def attempt(steps: Sequence[int]) -> Failure:
         return Failure(CaseFailed(f"{len(steps)}"), len(steps))
 
-    whole = Failure(CaseFailed("64"), 64)
-    shortest = shrink_sequence(range(64), whole, attempt, lambda: bool(left) and left.pop())
+    complete = Failure(CaseFailed("64"), 64)
+    shortest = shrink_sequence(range(64), complete, attempt, lambda: bool(left) and left.pop())
     assert f"{shortest.error}" == "32"

@@ -1,4 +1,4 @@
-"""What goes wrong while this machine stands still is no verdict on its subject."""
+"""Failures while this computer stalls do not count for the subject."""
 
 import itertools
 import threading
@@ -94,7 +94,7 @@ def test_it(subject, line):
 
 
 class ImpatientFramer(RequestFramer):
-    """Discards half a frame after a little more than a second of silence."""
+    """Discards an incomplete frame after a little more than a second of silence."""
 
     def __init__(self, dialect: Dialect) -> None:
         super().__init__(dialect)
@@ -114,7 +114,7 @@ def test_a_frame_that_a_stall_splits(
     stalls: list[list[Stall]],
     verdicts: dict[str, Verdict],
 ) -> None:
-    """A frame that a stall splits proves nothing. Without a stall, a reply is missing once."""
+    """With a stall the case is repeated; without one, the missing reply counts as a failure."""
     (tmp_path / f"test_{abs(hash(tmp_path))}.py").write_text(SPLIT, encoding="utf-8")
     monkeypatch.setitem(CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(with_framer(ImpatientFramer), DEFAULT).network)
@@ -128,7 +128,7 @@ def test_a_frame_that_a_stall_splits(
     ("stall", "kept"), [((0, 5), True), ((5, 15), False), ((12, 13), False), ((21, 30), True)]
 )
 def test_findings_that_span_a_stall_are_dropped(stall: tuple[int, int], *, kept: bool) -> None:
-    """A stall matters between the first byte of the evidence and the finding."""
+    """A stall matters from the first byte of the evidence until the finding."""
     observer = Observer(Role.CONTROLLER, Ics())
     finding = Finding("3/31", Verdict.FAIL, Cause.SUBJECT, "no reply")
     observer.findings.append(CaseFinding(observer.attempt, finding, 10, 20, late=True))
@@ -137,7 +137,7 @@ def test_findings_that_span_a_stall_are_dropped(stall: tuple[int, int], *, kept:
 
 
 def test_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pause beyond the threshold is reported once; a shorter one is not."""
+    """A pause longer than the threshold is reported once; a shorter one is not."""
     times_ns = [int(time_s * 1e9) for time_s in (0, 0.4, 2.4, 2.8)]
     monkeypatch.setattr(stall_detector, "now_ns", iter(times_ns).__next__)
     detector = StallDetector(0.5)
@@ -156,7 +156,7 @@ def test_threshold(time_scale: float, timeout_s: float, threshold_s: float) -> N
 
 
 def test_the_thread_ends_with_the_context() -> None:
-    """No thread is left."""
+    """No thread remains."""
     with StallDetector():
         assert "stall detector" in {thread.name for thread in threading.enumerate()}
     assert "stall detector" not in {thread.name for thread in threading.enumerate()}
@@ -164,7 +164,7 @@ def test_the_thread_ends_with_the_context() -> None:
 
 @dataclass(frozen=True)
 class SleepingAccess(MemoryAccess):
-    """A machine that sleeps while an answer is awaited, each seventh time, and wakes too late."""
+    """A computer that sleeps during each seventh wait and wakes after the deadline."""
 
     waits: Iterator[int] = field(default_factory=itertools.count)
 
@@ -182,8 +182,11 @@ class SleepingAccess(MemoryAccess):
         return link
 
 
-def test_what_came_while_this_machine_slept_is_taken() -> None:
-    """It is there, though the time to wait for it is over. These cases send whole requests."""
+def test_bytes_that_arrive_during_a_stall_are_read() -> None:
+    """Bytes that arrived during the sleep are read after the deadline.
+
+    These cases send whole requests.
+    """
     access = SleepingAccess(Robot(ControllerCore, DEFAULT).network)
     cases = frozenset({"4.1/2", "4.1/3", "4.6/2", "4.8/2"})
     options = Options(only=frozenset(), cases=cases, allowed=ALL)

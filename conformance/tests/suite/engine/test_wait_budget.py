@@ -1,4 +1,4 @@
-"""Wait budget: what the failing cases of a run may wait for replies that never come."""
+"""Wait budget: how long the failing cases of a run may wait for missing replies."""
 
 import pytest
 
@@ -31,7 +31,7 @@ def test_budget_is_a_multiple_of_the_passing_cases(
 
 
 def test_budget_counts_only_missing_replies() -> None:
-    """A failure without a missing reply uses nothing, and no other case depends on it."""
+    """A failure without a missing reply uses nothing of the budget."""
     budget = WaitBudget()
     budget.end_case(_outcome("4.8/4", Verdict.FAIL), 1000, late=False)
     budget.begin_case()
@@ -39,7 +39,7 @@ def test_budget_counts_only_missing_replies() -> None:
 
 
 def test_dependency_has_failed_the_same_requirement() -> None:
-    """The first case that failed the requirement is named; for another one there is none."""
+    """The first case that failed the requirement is named; for other requirements there is none."""
     budget = WaitBudget()
     for name in ("4.8/4", "4.9/2"):
         budget.end_case(_outcome(name, Verdict.FAIL), 1000, late=True)

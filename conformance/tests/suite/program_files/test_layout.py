@@ -1,4 +1,4 @@
-"""It is found out what a subject makes of programs: their layout, and the values of a point."""
+"""The suite finds the program layout of a subject, and the meaning of its points."""
 
 import pytest
 
@@ -22,7 +22,7 @@ class _ReadsOne(ControllerCore):
     layout: Layout
 
     def parse_program(self, data: bytes) -> Program | None:
-        """Read it in this layout."""
+        """Parse in this layout."""
         try:
             program = parse(data, self.layout)
         except ProgramError:
@@ -34,21 +34,21 @@ class _ReadsOne(ControllerCore):
     "name", ["lp64", "packed", "packed-long8", "ilp32-header13", "outer-packed-big"]
 )
 def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
-    """A controller that reads one layout only conforms, though it claims none."""
+    """A controller that reads only one layout conforms, even if it claims none."""
     core = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
     results = prove_controller(_CASES, ControllerMutant(name, (), "It reads one layout.", core))
     assert results.verdict.good
     assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
 
 
-def test_a_robot_without_programs_is_told_once() -> None:
-    """A controller that runs no program fails 6.5/26; what depends on programs is undecided."""
+def test_a_robot_without_programs_fails_once() -> None:
+    """A controller that runs no program fails 6.5/26; cases that need programs are inconclusive."""
 
     class RunsNone(ControllerCore):
-        """Understands nothing."""
+        """Parses no program."""
 
         def parse_program(self, data: bytes) -> None:
-            """Find no program."""
+            """Return no program."""
 
     results = prove_controller(_CASES, ControllerMutant("none", (), "It runs none.", RunsNone))
     verdicts = {case.id: (case.verdict.value, case.requirements) for case in results.cases}
@@ -57,10 +57,10 @@ def test_a_robot_without_programs_is_told_once() -> None:
 
 
 def test_the_meaning_of_points_is_found() -> None:
-    """A controller whose points are poses conforms, though it does not claim so."""
+    """A controller whose points are poses conforms, even if it does not claim so."""
 
     class Poses(ControllerCore):
-        """Takes points for poses."""
+        """Treats points as poses."""
 
         def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
             super().__init__(plant, store, dialect.replace(point_meaning="pose"))
@@ -72,7 +72,8 @@ def test_the_meaning_of_points_is_found() -> None:
 
 
 def test_twins_differ_in_their_longs() -> None:
-    """Packed layouts of either long are twins; the natural ones are not, they differ in size."""
+    """Packed layouts with 4 and 8 bytes per long are twins; natural layouts differ in size and have
+    none."""
     assert twin_of(LAYOUTS["packed"]) == LAYOUTS["packed-long8"]
     assert twin_of(LAYOUTS["packed-long8-big"]) == LAYOUTS["packed-big"]
     assert twin_of(LAYOUTS["ilp32"]) is None

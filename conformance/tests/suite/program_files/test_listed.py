@@ -1,4 +1,4 @@
-"""The names that are made to fill a program list."""
+"""Names that fill a program list."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from scaraspec.suite.program_files.listed import long_name
 
 
 class Named:
-    """What of a subject makes names."""
+    """The part of a subject that makes names."""
 
     def __init__(self) -> None:
         self.files = OwnFiles(Journal(), lambda: "aaaa")
@@ -23,7 +23,7 @@ class Named:
 @pytest.mark.parametrize("count", [1, 8, 9, 98, 99, 100, 998, 999])
 @pytest.mark.parametrize("size_bytes", [4, 12, 13, 14, 15, 30])
 def test_a_long_name(count: int, size_bytes: int) -> None:
-    """It is as long as was asked for, or little more than the shortest."""
+    """The name has the requested length, or is little longer than the shortest possible one."""
     subject: Any = Named()
     for _ in range(count - 1):
         subject.new_name()

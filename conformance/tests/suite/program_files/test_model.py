@@ -1,4 +1,4 @@
-"""The suite's own model of programs does what the tables of 6.5 and 6.6 say, worked by hand."""
+"""The suite's own model of programs follows the tables of 6.5 and 6.6, computed by hand."""
 
 import pytest
 
@@ -25,7 +25,7 @@ OFF = (False,) * 16
 
 
 def outputs_on(block: Block, inputs: tuple[bool, ...] = (), **variables: int) -> set[int]:
-    """The ports that are on after a program that begins with all of them off."""
+    """The outputs that are on after a program, which starts with all of them off."""
     state = State(OFF, inputs, {int(key[1:]): value for key, value in variables.items()})
     state.execute(block)
     return {port for port, on in enumerate(state.outputs, 1) if on}
@@ -43,7 +43,7 @@ def outputs_on(block: Block, inputs: tuple[bool, ...] = (), **variables: int) ->
     ],
 )
 def test_calculations(opt: Opt, a: int, b: int, due: int) -> None:
-    """Operators 1 to 4 (L978-981)."""
+    """The operators 1 to 4 calculate as in C (L978-981)."""
     assert calculated(opt, a, b) == due
 
 
@@ -51,8 +51,8 @@ def test_calculations(opt: Opt, a: int, b: int, due: int) -> None:
     ("opt", "a", "b"),
     [(Opt.DIVIDE, 1, 0), (Opt.DIVIDE, -7, 2), (Opt.DIVIDE, 7, -2), (Opt.ADD, 2**31 - 1, 1)],
 )
-def test_what_is_open_is_not_told(opt: Opt, a: int, b: int) -> None:
-    """Division by zero, a rest below zero and an overflow have no verdict (A-6.6a-4)."""
+def test_undefined_results(opt: Opt, a: int, b: int) -> None:
+    """Division by zero, a negative remainder and an overflow have no defined result (A-6.6a-4)."""
     with pytest.raises(UndefinedResultError):
         calculated(opt, a, b)
     assert not is_defined([Calculate(1, number(a), opt, number(b))], {1: 0})
@@ -60,7 +60,7 @@ def test_what_is_open_is_not_told(opt: Opt, a: int, b: int) -> None:
 
 
 def test_comparisons() -> None:
-    """Operators 5 to 9 for less, equal and greater (L982-986)."""
+    """The operators 5 to 9 are tried for less, equal and greater (L982-986)."""
     pairs = ((1, 2), (2, 2), (3, 2))
     held = {opt: [compared(opt, a, b) for a, b in pairs] for opt in Opt if opt >= Opt.GREATER}
     assert held == {
@@ -72,8 +72,8 @@ def test_comparisons() -> None:
     }
 
 
-def test_one_branch_and_what_follows() -> None:
-    """One of two branches is executed, none of it if there is no ELSE, and then the rest."""
+def test_one_branch_is_executed() -> None:
+    """One of two branches is executed, no branch without an ELSE, and then the rest."""
     block: Block = [
         If(variable(1), Opt.LESS, number(5), [Flip(1)], [Flip(2)]),
         If(variable(1), Opt.LESS, number(3), [Flip(3)], [Flip(4)]),
@@ -95,8 +95,8 @@ def test_operands_and_results() -> None:
     assert outputs_on(block, (False, True), v1=0, v2=0) == {7, 9}
 
 
-def test_nodes_say_the_same() -> None:
-    """Statements are made nodes in their order, with a flip that depends on the output before."""
+def test_statements_become_nodes() -> None:
+    """Statements become nodes in order; a flip depends on the output before it."""
     block: Block = [Flip(1), If(number(1), Opt.EQUAL, number(1), [Wait(2)], [Flip(2)])]
     nodes = nodes_of(block, (True, *OFF[1:]))
     assert [node.type for node in nodes] == [

@@ -33,7 +33,7 @@ from scaraspec.suite.program_files.strategies import (
 
 _MAX_NODES = 300
 _EXAMPLES = 10
-_SELDOM = 8  # a division by an input, and what was dealt where its result is not defined
+_SELDOM = 8  # a division by an input, and a statement whose result was not defined
 _INPUTS = (False, True, *[False] * 6)
 
 

@@ -19,7 +19,7 @@ from scaraspec.virtual_controller.store import Store
 
 
 class Client:
-    """One connection, seen through its frames."""
+    """One connection, as its frames."""
 
     def __init__(self, link: MemoryLink) -> None:
         self.link = link
@@ -27,12 +27,13 @@ class Client:
         self._framer = Framer(C2A)
 
     def send(self, name: str, data: bytes = b"") -> None:
-        """Send a request by its command's name."""
+        """Send the request of a command."""
         self.link.send(Frame(A2C, BY_NAME[name].opcode, data).encode())
 
-    def hear(self, for_s: float = 0.0) -> list[tuple[str, bytes]]:
-        """What arrives in a time: the command's name, ``*`` before a final result, and the data."""
-        heard = []
+    def receive(self, for_s: float = 0.0) -> list[tuple[str, bytes]]:
+        """Return what arrives in a time: the name of the command (with ``*`` for a final result)
+        and the data."""
+        received = []
         deadline_s = self.link.now_s + for_s
         while self.ending is None:
             arrival = self.link.receive(deadline_s)
@@ -45,35 +46,36 @@ class Client:
                 assert isinstance(frame, Frame), frame
                 names = [name for name, row in BY_NAME.items() if row.opcode == frame.opcode]
                 name = names[0] if names else f"0x{frame.opcode:02X}"
-                heard.append(("*" * frame.tagged + name, frame.data))
-        return heard
+                received.append(("*" * frame.tagged + name, frame.data))
+        return received
 
     def ask(self, name: str, data: bytes = b"") -> bytes | None:
-        """Send a request and return the data of the one frame that answers it at once."""
+        """Send a request and return the data of its immediate reply, which must be the only
+        frame."""
         self.send(name, data)
-        heard = self.hear()
-        if not heard:
+        received = self.receive()
+        if not received:
             return None
-        ((answer, said),) = heard
+        ((answer, reported),) = received
         assert answer == name
-        return said
+        return reported
 
     def result(self, name: str, within_s: float = 60.0) -> bytes:
-        """Wait for the final result of a command, and nothing else."""
+        """Wait for the final result of a command; no other frame may arrive."""
         deadline_s = self.link.now_s + within_s
         while self.link.now_s < deadline_s:
-            heard = self.hear(min(0.1, deadline_s - self.link.now_s))
-            if heard:
-                ((answer, said),) = heard
+            received = self.receive(min(0.1, deadline_s - self.link.now_s))
+            if received:
+                ((answer, reported),) = received
                 assert answer == f"*{name}"
-                return said
+                return reported
         raise AssertionError(f"no final result of {name} in {within_s} s")
 
     def where(self) -> list[float]:
         """The tool coordinates."""
-        said = self.ask("get_tool_coordinates")
-        assert said is not None
-        return [float(number) for number in said.split(b"|")]
+        reported = self.ask("get_tool_coordinates")
+        assert reported is not None
+        return [float(number) for number in reported.split(b"|")]
 
 
 class Bench:
@@ -85,13 +87,13 @@ class Bench:
         self.core = ControllerCore(self.plant, self.store, Dialect.of(**readings))
         self.network = MemoryNetwork(self.core)
 
-    def stranger(self, link: Literal["tcp", "serial"] = "tcp") -> Client:
-        """A client that has just connected."""
+    def guest(self, link: Literal["tcp", "serial"] = "tcp") -> Client:
+        """Return a client that has connected, without a login."""
         return Client(self.network.connect(link))
 
     def client(self) -> Client:
         """A client that has logged in."""
-        client = self.stranger()
+        client = self.guest()
         assert (client.ask("login", b"password") or b"")[:1] == b"1"
         return client
 
@@ -101,7 +103,6 @@ class Bench:
         self.network.run_until(self.network.now_s + 0.01)
 
     def pass_s(self, duration_s: float) -> None:
-        """Let time pass."""
         self.network.run_until(self.network.now_s + duration_s)
 
     def store_program(self, name: bytes, *nodes: Node) -> None:
@@ -112,7 +113,7 @@ class Bench:
 
 @pytest.fixture
 def bench_of() -> Callable[..., Bench]:
-    """Makes a bench whose controller follows the given readings."""
+    """Return a function that makes a bench whose controller follows the given readings."""
     return lambda **readings: Bench(readings)
 
 

@@ -1,4 +1,4 @@
-"""Bytes to requests: splitting, joining, garbage, silence, and whatever else may arrive."""
+"""Requests in the byte stream: pieces, joined requests, garbage, pauses, and any bytes."""
 
 from itertools import pairwise
 from typing import Any
@@ -19,7 +19,7 @@ _VERSION = b"\xaa\x08\x00\xcc"
 
 
 def _names(client: Any, for_s: float = 0.0) -> list[str]:
-    return [name for name, _ in client.hear(for_s)]
+    return [name for name, _ in client.receive(for_s)]
 
 
 def test_a_request_may_come_byte_by_byte(bench: Any) -> None:
@@ -28,12 +28,12 @@ def test_a_request_may_come_byte_by_byte(bench: Any) -> None:
     for number, byte in enumerate(_STATUS):
         client.link.send(bytes([byte]))
         if number < len(_STATUS) - 1:
-            assert client.hear(1.0) == []
+            assert client.receive(1.0) == []
     assert _names(client) == ["get_status"]
 
 
 def test_requests_may_come_in_one_piece_and_are_answered_in_order(bench: Any) -> None:
-    """Requirements 2/6 and 3/24."""
+    """Replies have the order of the requests (2/6, 3/24)."""
     client = bench.client()
     client.link.send(_STATUS + _TIME + _VERSION + _STATUS[:2])
     assert _names(client) == ["get_status", "get_time", "get_version"]
@@ -42,10 +42,10 @@ def test_requests_may_come_in_one_piece_and_are_answered_in_order(bench: Any) ->
 
 
 def test_requests_in_one_piece_act_in_order(bench: Any) -> None:
-    """Requirement 3/30: the stop stops the jog that came before it."""
+    """Requirement 3/30: the stop ends the jog that was sent before it."""
     client = bench.client()
     client.link.send(b"\xaa\x3d\x011\xcc\xaa\x32\x00\xcc\xaa\x09\x00\xcc")
-    assert client.hear() == [
+    assert client.receive() == [
         ("jog", b"1"),
         ("emergency_stop", b"1"),
         ("*jog", b"11"),
@@ -54,8 +54,8 @@ def test_requests_in_one_piece_act_in_order(bench: Any) -> None:
     ]
 
 
-def test_one_request_at_a_time_can_be_a_reading(bench_of: Any) -> None:
-    """A-3-14 (a): what arrives together with a request is not looked at."""
+def test_one_request_at_a_time_is_a_reading(bench_of: Any) -> None:
+    """A-3-14 (a): bytes that arrive together with a request are ignored."""
     client = bench_of(pipelining="one").client()
     client.link.send(_STATUS + _TIME)
     assert _names(client) == ["get_status"]
@@ -63,8 +63,8 @@ def test_one_request_at_a_time_can_be_a_reading(bench_of: Any) -> None:
     assert _names(client) == ["get_time"]
 
 
-def test_replies_in_any_order_can_be_a_reading(bench_of: Any) -> None:
-    """A-3-14 (c): a reply that only reads is overtaken; what acts keeps its place."""
+def test_replies_in_any_order_are_a_reading(bench_of: Any) -> None:
+    """A-3-14 (c): the reply to a query may be overtaken; other requests keep their order."""
     client = bench_of(pipelining="any-order").client()
     client.link.send(_STATUS + _TIME + _VERSION)
     assert _names(client) == ["get_time", "get_version", "get_status"]
@@ -78,10 +78,10 @@ def test_replies_in_any_order_can_be_a_reading(bench_of: Any) -> None:
     ids=bytes.hex,
 )
 def test_the_next_request_is_served_after_garbage(bench: Any, garbage: bytes) -> None:
-    """Requirements 3/19, 3/20 and 3/23: byte by byte the next frame is found."""
+    """Requirements 3/19, 3/20 and 3/23: the next frame is found byte by byte."""
     client = bench.client()
     client.link.send(garbage + _STATUS)
-    client.hear(3.0)
+    client.receive(3.0)
     client.link.send(_TIME)
     assert "get_time" in _names(client)
 
@@ -96,10 +96,11 @@ def test_the_next_request_is_served_after_garbage(bench: Any, garbage: bytes) ->
         ("flush", _STATUS + b"\x00" + _TIME + _TIME[:2], ["get_status"]),
     ],
 )
-def test_where_the_search_goes_on_is_a_reading(
+def test_resynchronisation_is_a_reading(
     bench_of: Any, reading: str, stream: bytes, answered: list[str]
 ) -> None:
-    """A-3-10: one byte later, after the bad candidate, or in the next bytes."""
+    """A-3-10: the search continues one byte later, after the invalid frame, or in the next
+    bytes."""
     client = bench_of(resync=reading).client()
     client.link.send(stream)
     assert _names(client) == answered
@@ -107,7 +108,7 @@ def test_where_the_search_goes_on_is_a_reading(
     assert _names(client) == ["get_version"]
 
 
-def test_closing_after_garbage_can_be_a_reading(bench_of: Any) -> None:
+def test_closing_after_garbage_is_a_reading(bench_of: Any) -> None:
     """A-3-10 (d): frames before it are processed, frames after it are not."""
     client = bench_of(resync="close").client()
     client.link.send(_STATUS + b"\x00" + _TIME)
@@ -116,7 +117,7 @@ def test_closing_after_garbage_can_be_a_reading(bench_of: Any) -> None:
 
 
 @pytest.mark.parametrize("resync", ["bytewise", "framewise", "flush"])
-def test_an_unfinished_frame_is_given_up_after_two_seconds(bench_of: Any, resync: str) -> None:
+def test_an_incomplete_frame_times_out_after_two_seconds(bench_of: Any, resync: str) -> None:
     """A-3-11: a false start byte with a large length does not lose the next request."""
     client = bench_of(resync=resync).client()
     client.link.send(b"\xaa\x08\xff")
@@ -127,8 +128,8 @@ def test_an_unfinished_frame_is_given_up_after_two_seconds(bench_of: Any, resync
     assert _names(client) == ["get_time"]
 
 
-def test_an_unfinished_frame_can_be_waited_for_for_ever(bench_of: Any) -> None:
-    """A-3-11 (a), and any other time."""
+def test_the_timeout_of_an_incomplete_frame_is_a_reading(bench_of: Any) -> None:
+    """A-3-11 (a), and any other duration."""
     client = bench_of(partial_timeout="none").client()
     client.link.send(_STATUS[:3])
     assert _names(client, for_s=3600.0) == []
@@ -139,7 +140,7 @@ def test_an_unfinished_frame_can_be_waited_for_for_ever(bench_of: Any) -> None:
     assert _names(client, for_s=0.6) == []
 
 
-# --------------------------------------------------------------------------- whatever may arrive
+# --------------------------------------------------------------------------- any bytes and requests
 
 _frames = st.builds(
     lambda opcode, data: Frame(A2C, opcode, data).encode(),
@@ -162,20 +163,21 @@ _fuzzed = settings(max_examples=150, suppress_health_check=[HealthCheck.function
 
 
 def _is_up(bench: Any) -> bool:
-    """Whether a new client is served, unless the robot was switched off on purpose."""
+    """Return whether a new client is served, unless the robot was switched off on purpose."""
     return not bench.core.powered or bench.client().ask("get_status") is not None
 
 
 @_fuzzed
 @given(pieces=_pieces, pause_s=st.floats(0, 40))
 def test_no_bytes_stop_the_controller(bench_of: Any, pieces: list[bytes], pause_s: float) -> None:
-    """Whatever a stranger sends, and however it pauses, a new client is answered afterwards."""
+    """Whatever a client sends without a login, and with any pauses, a new client is served
+    afterwards."""
     bench = bench_of()
-    stranger = bench.stranger()
+    guest = bench.guest()
     for piece in pieces:
-        if stranger.ending is None:
-            stranger.link.send(piece)
-            stranger.hear(pause_s)
+        if guest.ending is None:
+            guest.link.send(piece)
+            guest.receive(pause_s)
     assert _is_up(bench)
 
 
@@ -184,23 +186,23 @@ def test_no_bytes_stop_the_controller(bench_of: Any, pieces: list[bytes], pause_
 def test_no_sequence_of_requests_stops_the_controller(
     bench_of: Any, pieces: list[bytes], readings: dict[str, str], pauses_s: list[float]
 ) -> None:
-    """It keeps answering two logged-in clients with any requests, in any dialect."""
+    """The controller replies to two clients with any requests, in any dialect."""
     bench = bench_of(**readings | {"max_clients": "many"})
     bench.store_program(b"p")
     clients = [bench.client(), bench.client()]
     for index, piece in enumerate(pieces):
         client = clients[index % 2]
-        client.hear()  # the other one may have shut the robot down
+        client.receive()  # the other one may have shut the robot down
         if client.ending is None:
             client.link.send(piece)
-            client.hear(pauses_s[index % len(pauses_s)])
+            client.receive(pauses_s[index % len(pauses_s)])
     if bench.core.powered:
         bench.pass_s(100.0)
         bench.store.save(bench.store.settings)
-        client = bench.stranger()
+        client = bench.guest()
         client.ask("login", bench.store.settings.password)
         client.send("get_status")
-        assert any(name == "get_status" for name, _ in client.hear(3.0))
+        assert any(name == "get_status" for name, _ in client.receive(3.0))
 
 
 @_fuzzed
@@ -210,9 +212,9 @@ def test_how_bytes_are_split_makes_no_difference(
 ) -> None:
     """Requirement 2/5: the same bytes give the same answers in any pieces."""
     stream = _STATUS + data + _TIME + b"\xaa" + data + _VERSION
-    whole = bench_of().client()
-    whole.link.send(stream)
+    complete = bench_of().client()
+    complete.link.send(stream)
     split = bench_of().client()
     for start, end in pairwise([0, *sorted(cuts), len(stream)]):
         split.link.send(stream[start:end])
-    assert split.hear() == whole.hear()
+    assert split.receive() == complete.receive()

@@ -1,4 +1,4 @@
-"""User programs: listed, chosen, deleted, run and simulated."""
+"""User programs: list, default, deletion, run and simulation."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ _TURN = Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(1))
 
 
 def test_a_program_runs_to_its_end(bench: Any) -> None:
-    """Requirements 4.15/4 and 4.15/5; its outputs hold."""
+    """Requirements 4.15/4 and 4.15/5; its outputs stay set."""
     bench.store_program(b"p", _OUTPUT, _TURN)
     client = bench.client()
     assert client.ask("run_program", b"p") == b"1"
@@ -28,13 +28,13 @@ def test_a_program_runs_to_its_end(bench: Any) -> None:
     assert client.ask("get_digital_outputs") == b"1|0000000000000100"
 
 
-def test_a_simulated_run_takes_its_time_and_does_nothing(bench: Any) -> None:
-    """Requirement 4.16/5 (A-4.16-1)."""
+def test_a_simulated_run_has_the_real_duration_and_no_effect(bench: Any) -> None:
+    """A simulation takes the time of a run and sets no output (4.16/5, A-4.16-1)."""
     bench.store_program(b"p", _OUTPUT, _MINUTE)
     client = bench.client()
     before = client.where()
     assert client.ask("simulate_program", b"p") == b"1"
-    assert client.hear(60.0) == []
+    assert client.receive(60.0) == []
     assert client.result("simulate_program") == b"11"
     assert client.ask("get_digital_outputs") == b"1|0000000000000000"
     assert client.where() == before
@@ -45,28 +45,28 @@ def test_a_simulated_run_takes_its_time_and_does_nothing(bench: Any) -> None:
 def test_a_program_that_does_not_exist_is_refused_with_20(
     bench: Any, command: str, name: bytes
 ) -> None:
-    """Requirement 4.15/7 (L1044)."""
+    """The refusal has the code 20 (4.15/7, L1044)."""
     bench.store_program(b"p")
     client = bench.client()
     assert client.ask(command, name) == b"0|20"
-    assert client.hear(20.0) == []
+    assert client.receive(20.0) == []
 
 
 @pytest.mark.parametrize("content", [b"", b"no program", b"SCARA" + bytes(200) + b"ARACS"])
-def test_a_damaged_program_is_as_good_as_none(bench: Any, content: bytes) -> None:
+def test_a_damaged_program_is_refused_as_missing(bench: Any, content: bytes) -> None:
     """A-4.15-2 and requirement 6.5/28."""
     bench.store.write(b"p", content)
     assert bench.client().ask("run_program", b"p") == b"0|20"
 
 
-def test_an_unbalanced_program_is_as_good_as_none(bench: Any) -> None:
-    """Requirement 6.5/28: what lint calls an error is never run."""
+def test_an_unbalanced_program_is_refused_as_missing(bench: Any) -> None:
+    """Requirement 6.5/28: a program with lint errors is never run."""
     bench.store_program(b"p", Node(b"", NodeType.LOOP, counts=1), _TURN)
     assert bench.client().ask("run_program", b"p") == b"0|20"
 
 
 def test_the_running_program_and_its_time_are_reported(bench: Any) -> None:
-    """Requirements 4.9/2 to 4.9/7, for a simulated run too (A-4.9-4)."""
+    """Requirements 4.9/2 to 4.9/7, also for a simulated run (A-4.9-4)."""
     for_ever = Node(b"", NodeType.WAIT_INPUT, data=WaitInput(1, 100, Condition.EQUAL))
     bench.store_program(b"p", for_ever)
     client = bench.client()
@@ -77,19 +77,19 @@ def test_the_running_program_and_its_time_are_reported(bench: Any) -> None:
         bench.pass_s(90061.5)
         assert client.ask("get_running_program") == b"1|p|01010101"
         client.send("emergency_stop")
-        client.hear()
+        client.receive()
         assert client.ask("get_running_program") == b"0"
 
 
-def test_a_move_is_no_running_program(bench: Any) -> None:
-    """Requirement 4.9/10."""
+def test_a_move_is_not_a_running_program(bench: Any) -> None:
+    """During a move no running program is reported (4.9/10)."""
     client = bench.client()
     client.ask("jog", b"1")
     assert client.ask("get_running_program") == b"0"
 
 
 def test_reply_without_running_program_is_a_reading(bench_of: Any) -> None:
-    """A-4.9-2 (b) and A-T-1 (b)."""
+    """The reply is 0|| or a zero byte (A-4.9-2 b, A-T-1 b)."""
     assert bench_of(runinfo_none="0||").client().ask("get_running_program") == b"0||"
     assert bench_of(runinfo_binary="binary").client().ask("get_running_program") == b"\0"
 
@@ -98,7 +98,7 @@ def test_reply_without_running_program_is_a_reading(bench_of: Any) -> None:
 
 
 def test_the_list_is_sorted_and_complete(bench: Any) -> None:
-    """Requirement 4.10/11."""
+    """Each stored program is in the list, in the order of names (4.10/11)."""
     client = bench.client()
     assert client.ask("list_programs") == b"0"
     for name in (b"b.rob", b"a.rob", "程序".encode()):
@@ -107,25 +107,25 @@ def test_the_list_is_sorted_and_complete(bench: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("readings", "names", "said"),
+    ("readings", "names", "reported"),
     [
         ({"list_empty": "0|"}, [], b"0|"),
         ({"list_empty": "empty"}, [], b""),
         ({"list_prefix_sep": "0a"}, [b"a", b"b"], b"0a|b"),
     ],
 )
-def test_how_a_list_is_spelt_is_a_reading(
-    bench_of: Any, readings: dict[str, str], names: list[bytes], said: bytes
+def test_the_form_of_a_list_is_a_reading(
+    bench_of: Any, readings: dict[str, str], names: list[bytes], reported: bytes
 ) -> None:
-    """A-4.10-2 and A-4.10-4."""
+    """Bars and empty lists have several forms (A-4.10-2, A-4.10-4)."""
     bench = bench_of(**readings)
     for name in names:
         bench.store.write(name, b"x")
-    assert bench.client().ask("list_programs") == said
+    assert bench.client().ask("list_programs") == reported
 
 
 def _fill(bench: Any) -> list[bytes]:
-    """Store programs whose names exactly fill, overfill by one and by far exceed one message."""
+    """Store programs whose names fill one part exactly, exceed it by one byte, and by far."""
     names = [b"a" * 126, b"b" * 126, b"c" * 126, b"d" * 127, b"e" * 244]
     names += [b"f%029d" % number for number in range(50)]
     for name in names:
@@ -140,17 +140,17 @@ def _joined(parts: list[bytes]) -> list[bytes]:
 
 
 def test_a_long_list_is_pushed_in_parts(bench: Any) -> None:
-    """Requirements 4.10/4 to 4.10/6 (L251): at once, each of 255 bytes at most."""
+    """Requirements 4.10/4 to 4.10/6 (L251): all parts immediately, each with at most 255 bytes."""
     names = _fill(bench)
     client = bench.client()
     client.send("list_programs")
-    parts = [data for _, data in client.hear()]
+    parts = [data for _, data in client.receive()]
     assert [len(part) for part in parts[:4]] == [255, 128, 129, 246]
     assert _joined(parts) == names
 
 
 def test_each_part_of_a_list_can_need_a_request(bench_of: Any) -> None:
-    """A-4.10-3 (b): the next request gets the next part, another client its own first."""
+    """A-4.10-3 (b): the next request gets the next part; another client gets its own first part."""
     bench = bench_of(list_cont="request")
     names = _fill(bench)
     client, other = bench.client(), bench.client()
@@ -169,10 +169,10 @@ def test_each_part_of_a_list_can_need_a_request(bench_of: Any) -> None:
     ("reading", "served"),
     [("0x0D", {0x0D, 0x13}), ("0x13", {0x13}), ("both", {0x0D, 0x13})],
 )
-def test_which_opcode_asks_for_the_default_is_a_reading(
+def test_the_opcode_of_the_default_program_is_a_reading(
     bench_of: Any, reading: str, served: set[int]
 ) -> None:
-    """A-4.12-1: the reply carries the opcode of the request (requirement 4.12/2)."""
+    """A-4.12-1: the reply has the opcode of the request (requirement 4.12/2)."""
     bench = bench_of(op_get_default=reading)
     bench.store_program(b"p")
     client = bench.client()
@@ -187,16 +187,16 @@ def test_which_opcode_asks_for_the_default_is_a_reading(
     assert answered == served
 
 
-@pytest.mark.parametrize(("reading", "said"), [("empty", b""), ("0", b"0"), ("silence", None)])
+@pytest.mark.parametrize(("reading", "reported"), [("empty", b""), ("0", b"0"), ("silence", None)])
 def test_reply_without_default_program_is_a_reading(
-    bench_of: Any, reading: str, said: bytes | None
+    bench_of: Any, reading: str, reported: bytes | None
 ) -> None:
-    """A-4.12-2."""
-    assert bench_of(default_none=reading).client().ask("get_default_program") == said
+    """The reply is empty, 0 or missing (A-4.12-2)."""
+    assert bench_of(default_none=reading).client().ask("get_default_program") == reported
 
 
 def test_only_a_stored_program_becomes_the_default(bench: Any) -> None:
-    """Requirements 4.13/3 to 4.13/6."""
+    """A missing program is refused as default (4.13/3 to 4.13/6)."""
     bench.store_program(b"p")
     client = bench.client()
     assert client.ask("set_default_program", b"p") == b"1"
@@ -206,8 +206,8 @@ def test_only_a_stored_program_becomes_the_default(bench: Any) -> None:
     assert client.ask("get_status") == b"00"
 
 
-def test_a_deleted_program_is_gone(bench: Any) -> None:
-    """Requirements 4.11/3 and 4.11/4; a default that is deleted is none any more."""
+def test_a_deleted_program_does_not_exist(bench: Any) -> None:
+    """Requirements 4.11/3 and 4.11/4; a deleted default program is no longer the default."""
     bench.store_program(b"p")
     client = bench.client()
     client.ask("set_default_program", b"p")
@@ -222,8 +222,8 @@ def test_a_deleted_program_is_gone(bench: Any) -> None:
 @pytest.mark.parametrize(
     "name", [b"", b".", b"..", b"../x", b"/etc/passwd", b"a\\b", b"a|b", b"p\0q"]
 )
-def test_a_name_with_path_elements_is_no_name(bench: Any, name: bytes) -> None:
-    """Requirements 4.11/6 and 5.2/15."""
+def test_a_name_with_path_elements_is_refused(bench: Any, name: bytes) -> None:
+    """Such a name can be neither deleted nor transferred (4.11/6, 5.2/15)."""
     client = bench.client()
     assert client.ask("delete_program", name) == b"0"
     assert client.ask("upload_name", name) == b"0"
@@ -234,7 +234,7 @@ def test_a_name_with_path_elements_is_no_name(bench: Any, name: bytes) -> None:
 def test_whether_a_program_in_use_may_be_deleted_is_a_reading(
     bench_of: Any, guard: str, answer: bytes
 ) -> None:
-    """A-4.11-1: while it runs, and while it is downloaded; the run continues in both cases."""
+    """A-4.11-1: during its run and during its download; the run continues in both cases."""
     bench = bench_of(delete_guard=guard)
     bench.store_program(b"p")
     bench.store_program(b"q")
@@ -242,13 +242,13 @@ def test_whether_a_program_in_use_may_be_deleted_is_a_reading(
     client.ask("run_program", b"p")
     assert client.ask("delete_program", b"p") == answer
     client.send("download_name", b"q")
-    client.hear()
+    client.receive()
     assert client.ask("delete_program", b"q") == answer
     assert client.result("run_program") == b"11"
 
 
-def test_which_extension_a_program_bears_is_a_reading(bench_of: Any) -> None:
-    """A-0-9: others cannot be uploaded, are not listed, and are not there to run."""
+def test_the_extension_of_programs_is_a_reading(bench_of: Any) -> None:
+    """A-0-9: other programs cannot be uploaded, are not listed and cannot be run."""
     bench = bench_of(prog_ext=".rob")
     bench.store_program(b"p.rob")
     bench.store_program(b"p.txt")
@@ -259,8 +259,8 @@ def test_which_extension_a_program_bears_is_a_reading(bench_of: Any) -> None:
     assert client.ask("upload_name", b"q.rob") == b"1"
 
 
-def test_a_name_that_no_reply_could_carry_is_not_shown(bench: Any) -> None:
-    """A file put there by hand may have 255 bytes in its name; no reply overflows for it."""
+def test_a_name_that_is_too_long_for_replies_is_not_listed(bench: Any) -> None:
+    """A name of up to 255 bytes may be stored by other means; no reply may exceed its length."""
     name = b"x" * 250
     bench.store_program(name)
     client = bench.client()

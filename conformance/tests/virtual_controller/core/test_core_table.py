@@ -1,4 +1,4 @@
-"""The command table and the core: one method per command, one input, one output."""
+"""The command table and the core: one method per command, one input and one output method."""
 
 from typing import Any
 
@@ -14,31 +14,31 @@ _WITHOUT_DATA = [row.name for row in COMMANDS if isinstance(row.request, NoData)
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
-def test_every_row_of_the_table_has_a_behaviour(command: Command) -> None:
-    """A command that is added to the table without a method of its name fails here."""
+def test_every_row_of_the_table_has_a_method(command: Command) -> None:
+    """A command in the table without a method of its name fails here."""
     assert callable(getattr(ControllerCore, command.name, None))
 
 
 @pytest.mark.parametrize("name", _WITHOUT_DATA)
-def test_every_question_without_data_is_answered(bench: Any, name: str) -> None:
-    """Requirement 3/31: a valid request is answered under its own opcode."""
+def test_every_query_without_data_is_answered(bench: Any, name: str) -> None:
+    """Requirement 3/31: a valid query gets a reply with its opcode."""
     client = bench.client()
     client.send(name)
-    assert client.hear()[0][0] == name
+    assert client.receive()[0][0] == name
 
 
 @pytest.mark.parametrize("name", _WITHOUT_DATA)
 def test_data_on_a_request_that_has_none_is_ignored(bench: Any, name: str) -> None:
-    """A-3-12: the request is answered as if the data were not there."""
+    """A-3-12: the reply is the one without the data."""
     client = bench.client()
     client.send(name, b"0")
-    assert client.hear()[0][0] == name
+    assert client.receive()[0][0] == name
 
 
-def test_every_frame_comes_in_and_goes_out_through_one_seam(bench: Any) -> None:
-    """A subclass that overrides `handle` and `emit` sees, and can spoil, everything."""
+def test_every_frame_passes_handle_and_emit(bench: Any) -> None:
+    """A subclass that overrides `handle` and `emit` can change every frame."""
 
-    class Deaf(ControllerCore):
+    class Spoils(ControllerCore):
         seen: list[str] = []  # noqa: RUF012 - one core of this class is made, here
 
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -49,22 +49,22 @@ def test_every_frame_comes_in_and_goes_out_through_one_seam(bench: Any) -> None:
             self.seen.append(f"out {frame.opcode:02X}")
             super().emit(session, frame._replace(data=b"spoilt"))
 
-    core = Deaf(bench.plant, bench.store)
+    core = Spoils(bench.plant, bench.store)
     core.open(1, 0.0)
     core.receive(1, b"\xaa\x01\x08password\xcc", 0.0)
     (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x06spoilt\xaa"
-    assert Deaf.seen == ["in 01", "out 01", "in 09", "out 09"]
+    assert Spoils.seen == ["in 01", "out 01", "in 09", "out 09"]
 
 
 def test_a_behaviour_can_be_replaced_by_its_name(bench: Any) -> None:
-    """A seeded fault is a subclass that overrides the method of one command."""
+    """A faulty controller is a subclass that overrides the method of one command."""
 
-    class Liar(ControllerCore):
+    class WrongStatus(ControllerCore):
         def get_status(self, _: object) -> str:
             return "04"
 
-    core = Liar(bench.plant, bench.store)
+    core = WrongStatus(bench.plant, bench.store)
     core.open(1, 0.0, "serial")
     (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x0204\xaa"

@@ -130,7 +130,7 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
 def test_any_events_are_returned(
     tmp_path_factory: pytest.TempPathFactory, events: list[WireEvent]
 ) -> None:
-    """With any bytes, times, notes and kinds."""
+    """Bytes, times, notes and kinds may have any values."""
     path = record(tmp_path_factory.mktemp("any") / "capture.mcap", events)
     back = read_mcap(path)
     assert list(back) == events
@@ -388,7 +388,7 @@ def test_rerun_reads_the_file(capture: Path) -> None:
         assert "PROBLEM" not in done.stdout
 
 
-# What may become of a file.
+# Damaged files
 
 
 def test_a_file_truncated_anywhere(shift: list[WireEvent], tmp_path: Path) -> None:
@@ -524,7 +524,7 @@ def test_garbage_in_a_file(
 
 
 class FullDisk(BytesIO):
-    """A file with limited space."""
+    """A file on a disk with limited space."""
 
     def __init__(self, room_bytes: int) -> None:
         super().__init__()

@@ -59,7 +59,7 @@ def test_a_dead_process_is_ignored() -> None:
         sink.write(LARGE)
         sink.tick(number)
     sink.close()
-    sink._pump.join(live.CLOSE_TIMEOUT_S)  # it may still be saying so
+    sink._pump.join(live.CLOSE_TIMEOUT_S)  # it may still report the end of the process
     assert not sink._pump.is_alive()
 
 

@@ -1,6 +1,6 @@
-"""The private functions of the SDK that `rerun_files` uses still exist and still work.
+"""The private functions of the SDK that `rerun_files` uses still exist and work.
 
-These fail when rerun-sdk changes what it does not promise; each says what has changed.
+These tests fail when rerun-sdk changes what is not documented; each states what has changed.
 """
 
 import subprocess

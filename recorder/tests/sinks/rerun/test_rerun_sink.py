@@ -133,7 +133,7 @@ def test_the_log_has_no_password(drawing: Path) -> None:
 
 
 def test_a_mark_has_its_own_time(tmp_path: Path, talk: Any) -> None:
-    """Also before anything else is drawn."""
+    """The time of the mark is kept, also before anything else is drawn."""
     path, line = tmp_path / "marked.rrd", LogLine(Level.WARN, "trigger", "signal: asked for")
     talk.mark(A2C, Kind.OPENED, "a > b")
     sink = RerunSink.to_file(path)
@@ -151,7 +151,7 @@ def test_an_uploaded_program_is_a_page(drawing: Path, program_file: bytes) -> No
 
 
 def test_the_session_page_shows_the_conclusion(drawing: Path) -> None:
-    """Also the dialects, and an explanation of the views."""
+    """The page also has the dialects and an explanation of the views."""
     page = static(drawing, blueprint.SESSION_PAGE, "TextDocument:text")
     assert "- **conclusion**: " in page
     assert "- **controller speaks**: " in page
@@ -189,8 +189,8 @@ def test_latency_of_robot_and_recorder(
     assert {round(value, 6) for value in queries} == {1.98}
     added = column(path, blueprint.ADDED_LATENCY, "Scalars:scalars")
     assert {round(value, 6) for value in added} == {0.04}
-    whole = column(drawing, "latency/queries", "Scalars:scalars")
-    assert {round(value, 6) for value in whole} == {2.0}
+    complete = column(drawing, "latency/queries", "Scalars:scalars")
+    assert {round(value, 6) for value in complete} == {2.0}
     assert not column(drawing, blueprint.ADDED_LATENCY, "Scalars:scalars")
 
 
@@ -211,7 +211,7 @@ def test_rows_are_sent_in_batches(
 
 
 def test_the_sink_overwrites_no_file(shift: list[WireEvent], tmp_path: Path) -> None:
-    """Created again after a failure, in another process, the sink writes new files."""
+    """After a failure a new sink in another process writes new files."""
     make = pickle.loads(pickle.dumps(partial(capture_sink, session={"robot": "line 3"})))
     files: list[str] = []
     for _ in range(2):
@@ -242,13 +242,13 @@ def test_a_failed_creation_leaves_no_files(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_the_error_has_the_reason_of_the_system(tmp_path: Path) -> None:
-    """For example "No such file or directory"."""
+    """An example is "No such file or directory"."""
     with pytest.raises(FileNotFoundError, match="No such file or directory"):
         RerunSink.to_file(tmp_path / "gone" / "capture.rrd")
 
 
 def test_colours_of_names(shift: list[WireEvent], drawing: Path) -> None:
-    """A program is neither good nor bad; each has its own colour, up to a limit."""
+    """Programs have neutral colours; each has its own colour, up to a limit."""
     assert static(drawing, blueprint.PROGRAM, "StateConfiguration:labels") == "pick.rob"
     sink = RerunSink.to_file(drawing.with_name("many.rrd"), optimized=False)
     sink.write(shift[0])

@@ -48,20 +48,20 @@ def received_items(
     return ReceivedItems
 
 
-def deaf_after(condition: Callable[[Frame], bool]) -> type[ClientCore]:
+def ignores_after(condition: Callable[[Frame], bool]) -> type[ClientCore]:
     """After a frame that satisfies the condition, all received bytes are ignored."""
 
-    class DeafAfter(ClientCore):
-        deaf = False
+    class IgnoresAfter(ClientCore):
+        ignoring = False
 
         def feed(self, data: bytes, now_s: float) -> list[Event]:
-            return [] if self.deaf else super().feed(data, now_s)
+            return [] if self.ignoring else super().feed(data, now_s)
 
         def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-            self.deaf = self.deaf or condition(frame)
+            self.ignoring = self.ignoring or condition(frame)
             return super()._dispatch(frame, now_s)
 
-    return DeafAfter
+    return IgnoresAfter
 
 
 def sent(change: Callable[[Frame], Iterable[Frame]]) -> type[ClientCore]:

@@ -201,7 +201,9 @@ def test_two_replies(subject: ClientUnderTest, line: IncomingConnection) -> None
 
 
 @client_case("2/6", name="first-replies")
-def test_first_reply_behind_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_first_reply_after_a_query_reply(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> None:
     """The first reply of each two-stage command arrives in one segment after a query reply."""
     subject.require_concurrency(line)
 
@@ -236,7 +238,7 @@ def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection)
 
 
 @client_case("2/6", name="behind-others")
-def test_reply_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_reply_after_unexpected_results(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Unexpected final results arrive before a reply, in the same segment."""
     for count in examples((1, 2, 9)):
         call = subject.begin("get_version")

@@ -162,7 +162,7 @@ def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> N
 
 
 @client_case("3/13", name="next")
-def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_frame_after_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply follows a tagged frame, in the same segment or in the middle of a split frame."""
     result = line.result_frame("simulate_program").encode()
     reply = line.frame("get_status", data=b"04").encode()
@@ -287,7 +287,7 @@ def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("3/27", name="meanwhile")
-def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_replies_during_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Queries are answered while a command executes; its final result arrives after them."""
     require_while_executing(subject, line, "get_status")
     run = begin_operation(subject, "run_program")
@@ -481,6 +481,32 @@ def test_reply_after_the_timeout(subject: ClientUnderTest, line: IncomingConnect
             subject.expect_failure(call)
 
     for_each_supported((query, "set_digital_output", "delete_program"), each)
+
+
+@client_case("3/33", name="late-again")
+def test_late_reply_during_the_next_request(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> None:
+    """The late reply to a request arrives after the next one was sent, which is then refused."""
+    name = "set_digital_output"
+    call = begin_operation(subject, name)
+    await_request(line, name, call)
+    if not subject.answers_within(call, subject.answer_timeout_s) or line.ended:
+        raise CaseSkipped("the client ends the connection at a missing reply, or waits for it")
+    expect(not call.ok, "the client reports success without a reply", observed=f"{call}")
+    call = begin_operation(subject, name)
+    if sent_or_answered(subject, line, call) is None:
+        raise CaseSkipped("the client sends no further request after a missing reply")
+    with suppress(NoReply):  # the client has closed the connection
+        line.reply(name, data=b"1")
+        line.wait(_SHORT_S)
+        line.reply(name, data=b"0")
+    subject.wait_for_answer(call)
+    expect(
+        not call.ok,
+        "the client took the late reply to an earlier request for the reply to this request",
+        observed=f"{call}",
+    )
 
 
 @client_case("3/33", name="result-first")

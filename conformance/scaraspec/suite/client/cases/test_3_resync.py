@@ -24,7 +24,7 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply
 
 _TURN_S: Final = 0.02
-_PATIENCE_S: Final = 0.3
+_SETTLE_S: Final = 0.3
 _SLOW_DRIVER_S: Final = 3.0  # a client times out on a reply after 5 s (A-3-15)
 _GOOD: Final = Frame(C2A, 0x09, b"00").encode()
 _STRAYS: Final = (
@@ -78,7 +78,7 @@ def _recovers(
         for segment in segments:
             line.send_bytes(segment)
             line.wait(_TURN_S)
-    if not _settles(line, call, _PATIENCE_S):
+    if not _settles(line, call, _SETTLE_S):
         subject.tolerate(
             requirement,
             "resync",
@@ -140,7 +140,7 @@ def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
             line.send_bytes(spoilt)
             line.wait(_TURN_S)
             for _ in range(2):  # a client may drop frames that arrive with invalid bytes
-                if not _settles(line, call, _PATIENCE_S):
+                if not _settles(line, call, _SETTLE_S):
                     line.result(RUN.name, "12")
         expect_final_failure(
             subject, call, "the client accepted a final result with a wrong end byte"
@@ -169,7 +169,7 @@ def test_half_a_frame(subject: ClientUnderTest) -> None:
 
 
 @client_case("3/29", name="silence")
-def test_silence_behind_half_a_frame(subject: ClientUnderTest) -> None:
+def test_silence_after_half_a_frame(subject: ClientUnderTest) -> None:
     """A reply stops in the middle; the client can disconnect and connect again."""
     for half in examples(_HALVES):
         line = subject.open(judged=False)

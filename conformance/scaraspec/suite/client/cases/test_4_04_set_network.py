@@ -49,7 +49,7 @@ def test_addresses(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("4.4/6", attended=True)
-def test_link_ends_behind_the_yes(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_link_ends_after_success(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The link ends after the network was set; the client reports success and reconnects."""
     _lose(subject, line, cut=False)
     _lose(subject, subject.open(), cut=True)

@@ -88,7 +88,7 @@ def test_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("4.10/10", name="no-bar")
-def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_no_bar_after_the_flag(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The reply has no bar between the flag and the first name (A-4.10-2)."""
     for per_part in examples((3, 1)):
         call = subject.begin("list_programs")

@@ -20,7 +20,7 @@ from scaraspec.suite.engine.expectations import expect
 _NAME: Final = "get_motor_temperatures"
 _SETTING: Final = "set_default_program"
 _AS_PRINTED: Final = Frame(C2A, 0x0E, b"20|38|34|22")
-_SAID: Final = {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22}
+_TEMPERATURES: Final = {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22}
 _SHORT_S: Final = 0.1
 _texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") | st.integers(
     -40, 150
@@ -51,7 +51,7 @@ def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> Non
     def each(texts: tuple[str, ...]) -> None:
         call, _ = request_operation(subject, line, _NAME)
         line.reply(_NAME, data="|".join(texts).encode())
-        due = dict(zip(_SAID, map(float, texts), strict=True))
+        due = dict(zip(_TEMPERATURES, map(float, texts), strict=True))
         if subject.wait_for_answer(call).ok and not _is_whole(call.result, due):
             subject.expect_result(call, due)
         elif any("." in text for text in texts):
@@ -80,7 +80,7 @@ def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
             "4.14/4", "op_temp_reply", "0x0F", "the client ignores temperatures with opcode 0x0E"
         )
         line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
-    subject.expect_result(call, _SAID)
+    subject.expect_result(call, _TEMPERATURES)
 
 
 @client_case("4.14/4", name="mistaken")
@@ -118,5 +118,5 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
             message = "the client ignores temperatures with opcode 0x0E"
             subject.tolerate("4.14/4", "op_temp_reply", "0x0F", message)
             line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
-        subject.expect_result(asking, _SAID)
+        subject.expect_result(asking, _TEMPERATURES)
         subject.expect_done(setting)

@@ -51,7 +51,7 @@ def test_stop(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("4.17/1", name="behind-others")
-def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_stop_after_requests_with_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop carries no data after requests that carried data."""
     for operation in examples(INTERRUPTIBLE):
         call = begin_and_accept(subject, line, operation)

@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_gripper_center"].reply
 
 
 @client_case("4.19/1", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the gripper center without data and reports it."""
     expect_reported(subject, line, "get_gripper_center", _REPLY.encode(Point(200, 300, 456)))
 

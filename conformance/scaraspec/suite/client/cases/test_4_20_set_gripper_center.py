@@ -36,10 +36,10 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     )  # JavaScript writes these with an exponent; the last is a rounding error
     @example(Point(-9999.9, 9999.9, 1000))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
-    def each(wanted: Point) -> None:
-        call = subject.begin("set_gripper_center", **wanted._asdict())
+    def each(expected: Point) -> None:
+        call = subject.begin("set_gripper_center", **expected._asdict())
         with subject.allow_refusal():
-            expect_numbers(line.serve(call), wanted)
+            expect_numbers(line.serve(call), expected)
             subject.expect_done(call)
 
     each()

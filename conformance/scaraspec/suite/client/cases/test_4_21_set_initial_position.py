@@ -35,10 +35,10 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(Pose(-0.1, 0.1, -100, -179.9, 360, -360))
     @example(Pose(1, 2, 3, 4, 5, 6))
     @given(st.builds(Pose, *[_tenths] * 6))
-    def each(wanted: Pose) -> None:
-        call = subject.begin("set_initial_tool_position", **wanted._asdict())
+    def each(expected: Pose) -> None:
+        call = subject.begin("set_initial_tool_position", **expected._asdict())
         with subject.allow_refusal():
-            expect_pose(subject, line.serve(call), wanted)
+            expect_pose(subject, line.serve(call), expected)
             subject.expect_done(call)
 
     each()
@@ -47,13 +47,13 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
 @client_case("4.21/6")
 def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The length byte counts the bytes sent: 23 for the text whose row prints 25 (A-4.21-1)."""
-    for wanted in examples(
+    for expected in examples(
         (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5))
     ):
-        call = subject.begin("set_initial_tool_position", **wanted._asdict())
+        call = subject.begin("set_initial_tool_position", **expected._asdict())
         with subject.allow_refusal():
             request = line.serve(call)
             subject.expect_done(call)
             expect_equal(line.invalid_bytes, [], "the client sent invalid bytes with the request")
             line.pump()
-            expect_pose(subject, request, wanted)
+            expect_pose(subject, request, expected)

@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_initial_tool_position"].reply
 
 
 @client_case("4.22/1", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the initial tool position without data and reports it."""
     call = subject.begin("get_initial_tool_position")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")

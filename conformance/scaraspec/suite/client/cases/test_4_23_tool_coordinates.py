@@ -18,7 +18,7 @@ _REPLY: Final = BY_NAME["get_tool_coordinates"].reply
 
 
 @client_case("4.23/1", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the tool coordinates without data and reports them."""
     call = subject.begin("get_tool_coordinates")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")

@@ -53,12 +53,12 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     @example(1, Pose(0, 0, 0, 0, 0, 0))
     @example(100, Pose(-0.1, 0.1, -100, -179.9, 0, 0))
     @given(st.integers(1, 100), _poses)
-    def each(speed: int, wanted: Pose) -> None:
-        call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
+    def each(speed: int, expected: Pose) -> None:
+        call = subject.begin(_MOVE, speed=speed, **expected._asdict())
         with subject.allow_refusal():
             request = line.serve(call, data=b"1")
             line.result(_MOVE)
-            expect_pose(subject, request, wanted, speed=speed)
+            expect_pose(subject, request, expected, speed=speed)
             expect_finished(subject, call)
 
     each()

@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_joint_angles"].reply
 
 
 @client_case("4.27/1", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads the joint angles without data and reports them."""
     data = _REPLY.encode(JointValues(20.4, 30.5, 38, 0))
     expect_reported(subject, line, "get_joint_angles", data)

@@ -11,7 +11,7 @@ _COUNT = 8
 
 
 @client_case("4.31/1", "4.31/3", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads all inputs without data and reports port 8 leftmost."""
     expect_ports(subject, line, _GET, "10000010", requirement="4.31/3")
 

@@ -23,7 +23,7 @@ _BYTES: Final = 2
 
 
 @client_case("4.33/1", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client sends the port as two characters, such as 08, and reports the value."""
     call = subject.begin(_GET, port=8)
     line.serve(call, 100, sent=b"08")

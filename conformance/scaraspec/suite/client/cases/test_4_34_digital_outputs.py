@@ -12,7 +12,7 @@ _COUNT = 16
 
 
 @client_case("4.34/1", "4.34/3", attended=True)
-def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client reads all outputs without data and reports port 16 leftmost."""
     expect_ports(subject, line, _GET, "1001000011110000", requirement="4.34/3")
 

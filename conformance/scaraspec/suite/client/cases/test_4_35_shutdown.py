@@ -25,7 +25,7 @@ def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("4.35/1", name="behind-others")
-def test_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_after_a_request_with_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The shutdown carries no data after a request with data; the client reports refusals."""
     for code in examples(("01", "03", "12", "1F")):
         call = begin_and_accept(subject, line, MOVE)

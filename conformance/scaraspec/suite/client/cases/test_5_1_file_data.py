@@ -38,7 +38,7 @@ from scaraspec.user_message import UserMessage
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)
 _SHORT_S = 0.1
-_TOLD_S = 2.0
+_REPORT_S = 2.0
 
 
 def _frames(
@@ -179,7 +179,7 @@ def test_name_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("5.1/1", name="cut-off")
-def test_torn_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_incomplete_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client refuses a chunk that announces 200 bytes and carries fewer."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
@@ -374,7 +374,7 @@ def test_file_size_shrinks(subject: ClientUnderTest, line: IncomingConnection) -
     download = begin_download(subject, line)
     download.send_chunk(_FIRST)
     taken = download.offer_chunk(Chunk(250, 200, 50, _LONG[200:250]))
-    if not taken or not subject.answers_within(download.call, _TOLD_S) or not download.call.ok:
+    if not taken or not subject.answers_within(download.call, _REPORT_S) or not download.call.ok:
         expect_transfer_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")

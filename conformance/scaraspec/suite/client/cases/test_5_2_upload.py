@@ -253,9 +253,7 @@ def test_no_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 
 @client_case("5.2/17", name="full-chunks")
-def test_no_empty_chunk_behind_full_ones(
-    subject: ClientUnderTest, line: IncomingConnection
-) -> None:
+def test_no_empty_chunk_after_full_ones(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file that fills its last chunk ends with it, without a chunk of length 0."""
     for size in examples((200, 400, 600)):
         upload = Upload(subject, line, content_of(size))

@@ -85,7 +85,7 @@ def test_one_answer_each(subject: ClientUnderTest, line: IncomingConnection) -> 
 
 
 @client_case("5.3/5", name="together")
-def test_chunk_behind_its_promise(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_chunk_with_the_name_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client answers a first chunk that arrives in one segment with the name answer."""
     for size in examples((1, 200, 450)):
         download = Download(subject, line)
@@ -130,7 +130,7 @@ def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection
 
 
 @client_case("5.3/5", name="unasked")
-def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
+def test_unsolicited_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client does not take a chunk without a download, before and after one."""
     download = Download(subject, line)
     line.reply("download_name", value=False)

@@ -58,7 +58,7 @@ def test_end_is_found(subject: ClientUnderTest, line: IncomingConnection) -> Non
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
 @example(lengths=[1, 1, 1, 1])
 @example(lengths=[199, 199, 2])
-def test_end_behind_short_chunks(
+def test_end_of_short_chunks(
     subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
 ) -> None:
     """A download ends where position + length equals fileSize, not before."""

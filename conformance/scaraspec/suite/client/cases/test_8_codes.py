@@ -38,8 +38,8 @@ def test_every_mask(subject: ClientUnderTest, line: IncomingConnection) -> None:
     for operation, code in examples(zip(cycle(REFUSED_WITH_CODE), _MOTORS, strict=False)):
         call = subject.begin("get_status")
         line.serve(call, code)
-        said = f"{subject.expect_done(call)}"
-        expect_equal(said.upper(), code, "the client reports a wrong status")
+        reported = f"{subject.expect_done(call)}"
+        expect_equal(reported.upper(), code, "the client reports a wrong status")
         report_idle(subject, line)
         call = begin_and_request(subject, line, operation)
         line.reply(operation.name, data=b"0|" + code.encode())

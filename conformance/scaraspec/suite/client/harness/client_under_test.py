@@ -479,7 +479,7 @@ class ClientUnderTest:
             for line in self._lines:
                 line.require_timely(call.begun_ns)
 
-    # ------------------------------------------------------------------ what it says
+    # ------------------------------------------------------------------ its reports
 
     def confirm_with_operator(self, sentence: str, call: Call | None = None) -> bool | None:
         """Ask the operator whether the client shows this; None without an operator.

@@ -70,8 +70,8 @@ class Download:
     def chunk_frame(self, chunk: Chunk, byte_order: str = "") -> Frame:
         """Return the frame of a chunk. Its buffer may exceed the size of a fileData."""
         dialect = self._subject.dialect
-        spoken = dialect.replace(endian=byte_order) if byte_order else dialect
-        data = FILE_DATA.encode(chunk._replace(buffer=chunk.buffer[:BUFFER_BYTES]), spoken)
+        used = dialect.replace(endian=byte_order) if byte_order else dialect
+        data = FILE_DATA.encode(chunk._replace(buffer=chunk.buffer[:BUFFER_BYTES]), used)
         opcode = BY_NAME["download_chunk"].opcode
         return Frame(C2A, opcode, data + chunk.buffer[BUFFER_BYTES:])
 

@@ -66,7 +66,7 @@ class IncomingConnection(Connection):
         self._appended: list[bytes] = []
         self._subject = subject
         self._answering = False
-        self._wanted: Callable[[FrameSeen], bool] = _nothing
+        self._is_expected: Callable[[FrameSeen], bool] = _nothing
         self._sent_ns: list[int] = []
         self._received_ns: list[int] = []
         super().__init__(name, link, subject, C2A, judged=judged)
@@ -93,15 +93,15 @@ class IncomingConnection(Connection):
         opcodes = {command.opcode, command.alternate_opcode} - {None}
         timeout_s = self._subject.answer_timeout_s if within_s is None else within_s
 
-        def wanted(seen: FrameSeen) -> bool:
+        def is_request(seen: FrameSeen) -> bool:
             return seen.frame.opcode in opcodes and not self._subject.is_repeated_poll(seen, call)
 
-        self._wanted = wanted
+        self._is_expected = is_request
         begun_s = self._subject.access.now_s
         try:
             with self._subject.expecting(call):
                 request = self.wait_for_frame(
-                    wanted,
+                    is_request,
                     timeout_s,
                     UserMessage("the client did not send {command}", command=name),
                 )
@@ -125,7 +125,7 @@ class IncomingConnection(Connection):
                 self._subject.require_single_connection()
             raise
         finally:
-            self._wanted = _nothing
+            self._is_expected = _nothing
         self.auto_responder.case_received(request.seen)
         self._subject.note_request(name, call)
         return request
@@ -148,7 +148,7 @@ class IncomingConnection(Connection):
         self._answering = True
         try:
             while not (self.ended or self.mid_frame):
-                unwanted = [seen for seen in self.inbox if not self._wanted(seen)]
+                unwanted = [seen for seen in self.inbox if not self._is_expected(seen)]
                 poll = self.auto_responder.next_poll(unwanted, self._subject.access.now_s)
                 if poll is None:
                     break
@@ -187,8 +187,8 @@ class IncomingConnection(Connection):
             if any(seen.name in _TRANSFER_COMMANDS for seen in self.inbox)
             else []
         )
-        spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
-        silences = [(then - at, at, then) for at, then in pairwise(spoken_ns)]
+        sent_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
+        silences = [(then - at, at, then) for at, then in pairwise(sent_ns)]
         silence_ns, begun_ns, ended_ns = max(silences, default=(0, 0, 0))
         if silence_ns / _NS > transfer_timeouts_of(self._subject).early_s:
             received_ns = [at for at in self._received_ns if begun_ns <= at <= ended_ns]

@@ -139,9 +139,9 @@ def request_operation(
     """
     call = begin_operation(subject, name, value)
     request = await_request(line, name, call)
-    wanted = VALUES.get(name) if value is None else value
+    due_value = VALUES.get(name) if value is None else value
     try:
-        expect_carries(subject, request, name, wanted, requirement=requirement)
+        expect_carries(subject, request, name, due_value, requirement=requirement)
     except CaseFailed:
         with suppress(NoReply):  # the client has closed the connection
             answer_request(line, name, request)
@@ -202,10 +202,10 @@ def expect_carries(
             ),
         )
         return
-    wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
+    due_value = command.request.encode(value, subject.dialect.replace(name_max="255"))
     raise CaseFailed(
         UserMessage("{command} carries another value than the operation", command=name),
-        expected=show(wanted, limit=255),
+        expected=show(due_value, limit=255),
         observed=show(data, limit=255),
         requirement=requirement,
     )
@@ -233,13 +233,13 @@ def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
     if not any(numbers) or len(texts) != len(numbers):
         return 0
     counts = set()
-    for is_number, text, wanted in zip(numbers, texts, value, strict=True):
+    for is_number, text, due_value in zip(numbers, texts, value, strict=True):
         fixed = _FIXED.fullmatch(text)
         if is_number and fixed:
             counts.add(len(fixed[1]))
-            if abs(float(text) - wanted) > _HALF_OF_IT / 10 ** len(fixed[1]):
+            if abs(float(text) - due_value) > _HALF_OF_IT / 10 ** len(fixed[1]):
                 return 0
-        elif is_number or text != str(wanted).encode():
+        elif is_number or text != str(due_value).encode():
             return 0
     return counts.pop() if len(counts) == 1 else 0
 

@@ -33,22 +33,22 @@ def expect_pose(
         CaseFailed: It carries something else.
     """
     leading = () if speed is None else (float(speed),)
-    wanted = (*leading, *expected)
+    due_values = (*leading, *expected)
     sent = numbers_in(answer)
     meant = len(leading) + len(MEANINGFUL)
     expect(
         sent is not None
-        and len(sent) == len(wanted)
-        and all(map(is_near, sent[:meant], wanted))
+        and len(sent) == len(due_values)
+        and all(map(is_near, sent[:meant], due_values))
         and all(
-            is_near(number, due) or not number for number, due in zip(sent, wanted, strict=True)
+            is_near(number, due) or not number for number, due in zip(sent, due_values, strict=True)
         ),
         UserMessage("the request {command} carries wrong numbers", command=answer.seen.name),
-        expected="|".join(f"{number:.15g}" for number in wanted),
+        expected="|".join(f"{number:.15g}" for number in due_values),
         observed=show_value(answer.frame.data),
     )
     assert sent is not None
-    if not all(map(is_near, sent, wanted)):
+    if not all(map(is_near, sent, due_values)):
         message = "the client sends thetaY and thetaZ as 0 in every pose"
         subject.tolerate("7/2", "A-4.21-3", "0", message)
 

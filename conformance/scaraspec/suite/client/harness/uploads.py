@@ -144,11 +144,11 @@ class Upload:
         """Require that a frame is the expected chunk. Return the chunk."""
         chunk, due = chunk_of(frame), self.received_bytes
         expect_next(chunk, due, len(self._content))
-        wanted = self._content[due : due + chunk.length]
+        due_data = self._content[due : due + chunk.length]
         expect(
-            chunk.data == wanted,
+            chunk.data == due_data,
             UserMessage("the chunk at {position} differs from the file", position=due),
-            expected=wanted.hex(" "),
+            expected=due_data.hex(" "),
             observed=chunk.data.hex(" "),
             requirement="5.2/20",
         )

@@ -65,7 +65,7 @@ _DAMAGED: Final = (
 
 def _tolerate_close(subject: ControllerUnderTest, requirement: str, recovery: Recovery) -> None:
     """Tolerate a closed connection: it is the only reading that can be observed with certainty."""
-    if recovery is Recovery.ANEW:
+    if recovery is Recovery.NEW_CONNECTION:
         subject.tolerate(requirement, "resync", "close", "the connection was closed")
 
 
@@ -85,7 +85,7 @@ def test_wrong_start(subject: ControllerUnderTest) -> None:
         if start % 16 == 0:
             recovery = recovery_of(subject, line)
             expect_only_replies(line, requirement="3/19")
-            if recovery is Recovery.ANEW:
+            if recovery is Recovery.NEW_CONNECTION:
                 _tolerate_close(subject, "3/19", recovery)
                 line = subject.open(judged=False)
     recovery_of(subject, line)
@@ -263,7 +263,7 @@ def test_many_malformed_requests(subject: ControllerUnderTest) -> None:
         except NoReply:
             line = subject.open(judged=False)
             continue
-        if number % 20 == 0 and recovery_of(subject, line) is Recovery.ANEW:
+        if number % 20 == 0 and recovery_of(subject, line) is Recovery.NEW_CONNECTION:
             line = subject.open(judged=False)
     _tolerate_close(subject, "3/20", recovery_of(subject, line))
 

@@ -449,7 +449,7 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
     for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
         opcode, due = BY_NAME[name].opcode, ExpectedReply(name, result=True)
-        deadline = Deadline(subject, subject.patience.timeout_s(due, subject.longest_s))
+        deadline = Deadline(subject, subject.timeout_policy.timeout_s(due, subject.longest_s))
         results: list[ReceivedFrame] = []
         while not results:
             sent = supported_queries(subject, [Query("get_status"), Query("get_time")])

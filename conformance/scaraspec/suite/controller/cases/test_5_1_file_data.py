@@ -56,7 +56,7 @@ def test_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 
 
 @case("5.1/1", name="torn", slow=True)
-def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_incomplete_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk with fewer bytes than its length states, or an incomplete header, is refused."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):

@@ -13,7 +13,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     SILENCE_S,
     ControllerUnderTest,
 )
-from scaraspec.suite.controller.harness.malformed.timeouts import (
+from scaraspec.suite.controller.harness.malformed.silences import (
     Track,
     downloads_at_once,
     run_tracks,

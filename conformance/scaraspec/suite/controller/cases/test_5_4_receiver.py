@@ -14,7 +14,7 @@ from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
-from scaraspec.suite.controller.harness.malformed.timeouts import Track, run_tracks, uploads_at_once
+from scaraspec.suite.controller.harness.malformed.silences import Track, run_tracks, uploads_at_once
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import read_clock, shifted_time
 from scaraspec.suite.controller.harness.requests.files import (
@@ -431,7 +431,7 @@ def _offer_invalid_chunk(line: OutgoingConnection) -> None:
 
 @case("5.4/7", "5.4/1", "4.10/11", name="signal")
 def test_error_signal(subject: ControllerUnderTest) -> None:
-    """If its client signals an error, with a header or without, an upload leaves no more."""
+    """After an error signal, with a header or without, an upload leaves at most the sent part."""
     for data in (None, b""):
         _interrupt_uploads(subject, partial(_signal_error, data=data))
 

@@ -252,7 +252,7 @@ def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
-def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def test_separate_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each IF also works in a separate program, which ends with the ENDIF.
 
     A branch that is not executed may contain a loop.
@@ -337,7 +337,7 @@ def _timer_instead(
         return
     timer = Until(round((clock_s + _TIMER_S) * _US))
     yield [timer if isinstance(each, Wait) else each for each in block]
-    lasted_s, least_s = subject.now_ns / _NS - clock.asked_s, _TIMER_S - _CLOCK_S
+    lasted_s, least_s = subject.now_ns / _NS - clock.sent_s, _TIMER_S - _CLOCK_S
     expect(
         lasted_s >= least_s,
         "a program ends before its timer",

@@ -15,7 +15,7 @@ from scaraspec.transports.clock import now_ns
 from scaraspec.transports.connect import connect
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.transports.memory import MemoryNetwork
-from scaraspec.transports.url import Serial, Tcp, parse
+from scaraspec.transports.url import Tcp, parse
 
 _RETRY_S: Final = 0.2
 _LOCAL: Final = ("127.0.0.1", "::1", "localhost")
@@ -87,8 +87,8 @@ class UrlAccess:
 
     @property
     def needs_login(self) -> bool:
-        """True for TCP."""
-        return isinstance(self._where, Tcp)
+        """See `Tcp.needs_login`."""
+        return self._where.needs_login
 
     @property
     def multiple_connections(self) -> bool:
@@ -97,8 +97,8 @@ class UrlAccess:
 
     @property
     def detects_close(self) -> bool:
-        """False for a serial line."""
-        return not isinstance(self._where, Serial)
+        """See `Tcp.detects_close`."""
+        return self._where.detects_close
 
     @property
     def port(self) -> int | None:

@@ -82,7 +82,7 @@ class ControllerUnderTest:
         moved: A motion may be in progress.
         off: It was shut down and has not come back.
         traits: What was detected once for the whole run.
-        patience: The timeouts for replies that have never come.
+        timeout_policy: The timeouts for replies that have never come.
         lag: How much later than the state its replies report it.
         settling: How long it reports after a stop or a reset that it executes.
         places: Knows when it may refuse a client because another one has just left.
@@ -114,7 +114,7 @@ class ControllerUnderTest:
         self.detected_readings: dict[str, str] = {}
         self.served: dict[str, bool] = {}
         self.traits = ControllerTraits()
-        self.patience = TimeoutPolicy()
+        self.timeout_policy = TimeoutPolicy()
         self.lag = StateLag()
         self.settling = Settling()
         self.places = Places(self)
@@ -179,11 +179,11 @@ class ControllerUnderTest:
         What has happened to the robot, such as a latched emergency stop, is not forgotten.
         """
         readings, dialect = dict(self.detected_readings), self.dialect
-        traits, patience = self.traits.copy(), self.patience.copy()
+        traits, timeout_policy = self.traits.copy(), self.timeout_policy.copy()
 
         def restore() -> None:
             self.detected_readings, self.dialect = readings, dialect
-            self.traits, self.patience = traits.with_history_of(self.traits), patience
+            self.traits, self.timeout_policy = traits.with_history_of(self.traits), timeout_policy
 
         return restore
 
@@ -437,12 +437,14 @@ class ControllerUnderTest:
             Unreadable: The reply contains no status.
             CaseInconclusive: The status does not become 00 in time.
         """
-        full_s = self.patience.rest_timeout_s(self.longest_s) if within_s is None else within_s
+        full_s = (
+            self.timeout_policy.rest_timeout_s(self.longest_s) if within_s is None else within_s
+        )
         deadline = Deadline(self, full_s)
         while (status := line.ask("get_status").value) != _READY:
             if deadline.expired:
                 if within_s is None:
-                    self.patience.note_rest(full_s, rests=False)
+                    self.timeout_policy.note_rest(full_s, rests=False)
                 if status is None:
                     raise Unreadable("the reply of the subject to get_status contains no status")
                 raise CaseInconclusive(
@@ -451,7 +453,7 @@ class ControllerUnderTest:
                     )
                 )
             line.wait(deadline.poll_s)
-        self.patience.note_rest(full_s - deadline.remaining_s, rests=True)
+        self.timeout_policy.note_rest(full_s - deadline.remaining_s, rests=True)
 
     def settle(self) -> None:
         """Bring the robot to rest and delete the files of the case.
@@ -463,7 +465,7 @@ class ControllerUnderTest:
             CaseInconclusive: The robot does not come to rest.
         """
         self.close_lines()
-        self.unanswered = self.patience.unanswered()
+        self.unanswered = self.timeout_policy.unanswered()
         line = self.open()
         unresponsive = self.moved and self.traits.unresponsive_while_executing
         status = None if unresponsive else line.ask("get_status").value

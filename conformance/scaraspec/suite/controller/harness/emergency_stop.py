@@ -89,7 +89,7 @@ class StopMonitor:
         self.transferring = False
         self._executing: dict[int, int] = {}  # opcode, and when it was accepted
         self._stops: defaultdict[str, deque[_Stop]] = defaultdict(deque)
-        self._asked: defaultdict[tuple[str, int], deque[int]] = defaultdict(deque)
+        self._requests_ns: defaultdict[tuple[str, int], deque[int]] = defaultdict(deque)
         self._refused: _Stop | None = None
         self._rests_from_ns = self._still_from_ns = 0
         self._status = ""
@@ -125,7 +125,7 @@ class StopMonitor:
         if opcode == _STOP:
             self._stops[connection].append(_Stop(now_ns, tuple(self._executing)))
         elif opcode in (_STATUS, _JOINTS, _POSE):
-            self._asked[connection, opcode].append(now_ns)
+            self._requests_ns[connection, opcode].append(now_ns)
         elif opcode == _GRIPPER:
             self._places.pop(_POSE, None)  # the same joints may now give another pose
         elif opcode not in BY_OPCODE:
@@ -152,13 +152,15 @@ class StopMonitor:
             if isinstance(seen.value, Acceptance) and seen.value.accepted:
                 self.forget()
                 self._executing[opcode] = now_ns
-        elif opcode in (_STATUS, _JOINTS, _POSE) and (asked := self._asked[connection, opcode]):
-            asked_ns = asked.popleft()
+        elif opcode in (_STATUS, _JOINTS, _POSE) and (
+            requests_ns := self._requests_ns[connection, opcode]
+        ):
+            requested_ns = requests_ns.popleft()
             if seen.value is None:
                 return
             if opcode == _STATUS:
-                self._status_came(seen.value, asked_ns)
-            elif self._still_from_ns and asked_ns > self._still_from_ns:
+                self._status_came(seen.value, requested_ns)
+            elif self._still_from_ns and requested_ns > self._still_from_ns:
                 self._place_came(opcode, seen.value)
 
     def _stop_answered(self, connection: str, seen: FrameSeen) -> None:
@@ -202,18 +204,18 @@ class StopMonitor:
                 f"0; the final result of the command came {self._refused.age_s(now_ns):.1f} s later"
             )
 
-    def _status_came(self, status: str, asked_ns: int) -> None:
+    def _status_came(self, status: str, requested_ns: int) -> None:
         self._status = status
         if status == _IDLE:
-            self._executing = {k: v for k, v in self._executing.items() if v > asked_ns}
+            self._executing = {k: v for k, v in self._executing.items() if v > requested_ns}
         if status not in _BUSY:
             self._refused = None
         elif self.transferring:
             return
         elif self._refused is not None:
-            if self._refused.is_old(asked_ns):
+            if self._refused.is_old(requested_ns):
                 self._fail_refused(f"0; the status is still {status}")
-        elif self._rests_from_ns and asked_ns > self._rests_from_ns:
+        elif self._rests_from_ns and requested_ns > self._rests_from_ns:
             self.fail(
                 "4.17/4", "the robot continues to execute after it was accepted", _IDLE, status
             )

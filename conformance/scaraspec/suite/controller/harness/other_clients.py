@@ -21,8 +21,8 @@ from scaraspec.suite.controller.harness.setting_values import (
     QUERIES,
     READ_BY,
     SET_BY,
-    asked,
     reported,
+    requested_value,
     shown,
 )
 from scaraspec.suite.engine.system_under_test import Interference
@@ -93,7 +93,7 @@ class OtherClients(Interference):
         if request.name in _NAMES_A_FILE and not accepted:
             self._case.touched.add(PROGRAMS)
         if name := SET_BY.get(request.name):
-            value = asked(request, self.settings[OUTPUTS].expected)
+            value = requested_value(request, self.settings[OUTPUTS].expected)
             at_s = request.place.time_ns / _NS
             self.settings[name].note_request(value, request.frame.data, at_s, accepted=accepted)
 

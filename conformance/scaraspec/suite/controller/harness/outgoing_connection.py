@@ -35,7 +35,7 @@ SEGMENT_S: Final = 0.02
 _SIGNS_OF_LIFE: Final = ("login", "get_status")
 """Requests that show whether the controller still answers; they may be steps of every case."""
 _CUT_S: Final = 0.001  # enough for a link without delay
-_APART_S: Final = 0.05
+_SEPARATION_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _IDLE: Final = "00"
 _POLL_S: Final = 0.05
@@ -217,7 +217,7 @@ class OutgoingConnection(Connection):
                 if self._subject.access.needs_login:  # the unfinished reply may be that to a login
                     self.send("login", self._subject.password)
                 self.send("get_status")
-                self.wait(_APART_S)
+                self.wait(_SEPARATION_S)
 
     def _drop_unsolicited(self, command: Command) -> None:
         """Drop unsolicited replies: they answer no later request and may be outdated (A-3-16)."""
@@ -274,8 +274,8 @@ class OutgoingConnection(Connection):
             NoReply: No result arrived in time.
         """
         due, opcode = ExpectedReply(name, result=True), BY_NAME[name].opcode
-        patience, full_s = self._subject.patience, self._subject.longest_s
-        given_up = patience.given_up(due)
+        timeout_policy, full_s = self._subject.timeout_policy, self._subject.longest_s
+        given_up = timeout_policy.given_up(due)
         untagged = untagged or (given_up and not self._subject.is_case_about(due.requirement))
 
         def is_expected(seen: FrameSeen) -> bool:
@@ -283,7 +283,7 @@ class OutgoingConnection(Connection):
                 seen.frame.tagged or (untagged and _outcome(seen) is not None)
             )
 
-        short_s = patience.timeout_s(due, full_s if within_s is None else within_s)
+        short_s = timeout_policy.timeout_s(due, full_s if within_s is None else within_s)
         if given_up and short_s > _BRIEF_S and self._becomes_idle(is_expected, short_s):
             within_s = _LATE_S
         message = f"no final result of {name} came"
@@ -316,22 +316,27 @@ class OutgoingConnection(Connection):
         message: str,
     ) -> ReceivedFrame:
         """Wait for a reply, for less than the full time if it has never come."""
-        patience, limit_s = self._subject.patience, full_s if within_s is None else within_s
+        timeout_policy, limit_s = (
+            self._subject.timeout_policy,
+            full_s if within_s is None else within_s,
+        )
         try:
-            answer = self.wait_for_frame(is_expected, patience.timeout_s(due, limit_s), message)
+            answer = self.wait_for_frame(
+                is_expected, timeout_policy.timeout_s(due, limit_s), message
+            )
         except NoReply as error:
-            error.owed = due.requirement
+            error.reply_requirement = due.requirement
             error.due = error.due or (due.name, Stage.RESULT if due.result else Stage.REPLY)
             error.preparation = due.name not in _SIGNS_OF_LIFE
-            if patience.given_up(due):
+            if timeout_policy.given_up(due):
                 error.requirement, error.depends_on = due.requirement, self.dependency(due)
             elif limit_s >= full_s and (due.result or not self._subject.guard.stop.executing):
                 self.await_late(is_expected)
             if limit_s >= full_s and not self.ended:
-                patience.note_timeout(due)
+                timeout_policy.note_timeout(due)
             raise
         if not due.result or (answer.frame.tagged and answer.done):
-            patience.note_received(due)
+            timeout_policy.note_received(due)
         return answer
 
     def dependency(self, due: ExpectedReply) -> str:
@@ -342,7 +347,7 @@ class OutgoingConnection(Connection):
             a first reply, whose requirement is that of all commands.
         """
         subject = self._subject
-        missing = due.result and subject.patience.given_up(due)
+        missing = due.result and subject.timeout_policy.given_up(due)
         if not missing or subject.is_case_about(due.requirement):
             return ""
         return subject.observer.budget.dependency(due.requirement)
@@ -378,7 +383,7 @@ class OutgoingConnection(Connection):
 
         Some controllers do not handle two frames that arrive together (A-3-14).
         """
-        self.wait(_APART_S if self._subject.dialect["pipelining"] == "one" else _INSTANT_S)
+        self.wait(_SEPARATION_S if self._subject.dialect["pipelining"] == "one" else _INSTANT_S)
 
     def sync(self) -> list[FrameSeen]:
         """Query the status, and return all frames that arrive before the reply.
@@ -420,7 +425,7 @@ class OutgoingConnection(Connection):
         """
         came = self.sync()
         if not came:
-            self.wait(_APART_S)
+            self.wait(_SEPARATION_S)
             came = list(self.inbox)
             self.inbox.clear()
         return came

@@ -1,4 +1,4 @@
-"""Own files: the names that the suite gives to files, and which stored files are its own.
+"""Protects the files of the user: which stored files are the suite's own, and their names.
 
 A file is the suite's own if the controller has accepted its upload (0x50 answered with 1) in this
 run, or in an earlier run whose journal says so. No other file is deleted, overwritten or run.

@@ -139,10 +139,10 @@ def _prelogin(subject: ControllerUnderTest) -> str | None:
         return "close"
     if not line.inbox:
         return "ignore"
-    said = line.inbox[0].frame.data
+    reply = line.inbox[0].frame.data
     claimed = subject.dialect["prelogin"]
     served = claimed if claimed in ("reads", "all") else "reads"
-    return "failure" if said == b"0" else served
+    return "failure" if reply == b"0" else served
 
 
 def _prog_ext(subject: ControllerUnderTest) -> str | None:

@@ -87,7 +87,7 @@ def reported(seen: FrameSeen) -> Any:
     return seen.value[:_MEANT] if isinstance(seen.value, tuple) else seen.value
 
 
-def asked(request: FrameSeen, outputs: str | None) -> Any:
+def requested_value(request: FrameSeen, outputs: str | None) -> Any:
     """Return the value that a request sets; None if it is unknown.
 
     Args:

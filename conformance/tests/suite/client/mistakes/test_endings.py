@@ -1,4 +1,4 @@
-"""Mistakes of clients about the end of an operation: without an answer it has not succeeded."""
+"""Mistakes of clients about the end of an operation: without a reply it has not succeeded."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -26,31 +26,31 @@ Try = Callable[..., Mapping[str, Verdict]]
 
 
 class WaitsOnForLostAnswers(ClientCore):
-    """Still waits for the answer of an aborted transfer and takes the next answer for it."""
+    """Still waits for the reply to an aborted transfer and takes the next reply for it."""
 
-    owed = False
+    outstanding = False
 
-    class _Owed(Upload):
+    class _Outstanding(Upload):
         core: "WaitsOnForLostAnswers"
 
         def _fail_transfer(self, reason: str) -> None:
-            self.core.owed = True
+            self.core.outstanding = True
             super()._fail_transfer(reason)
 
     def upload(self, name: bytes, content: bytes) -> Upload:
-        upload = self._Owed(name, content, DEFAULT)
+        upload = self._Outstanding(name, content, DEFAULT)
         upload.core = self
         return upload
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if self.owed and frame.opcode == BY_NAME["upload_chunk"].opcode:
-            self.owed = False
+        if self.outstanding and frame.opcode == BY_NAME["upload_chunk"].opcode:
+            self.outstanding = False
             return []
         return super()._dispatch(frame, now_s)
 
 
-def test_an_answer_that_never_came_is_owed_no_more(tried: Try) -> None:
-    """The first answer after a timeout belongs to the next transfer."""
+def test_a_late_reply_of_an_aborted_transfer(tried: Try) -> None:
+    """After a timeout, a new reply belongs to the next transfer."""
     assert tried(WaitsOnForLostAnswers, "5.2/9.meanwhile")["5.2/9.meanwhile"] is Verdict.FAIL
 
 
@@ -111,10 +111,10 @@ class DoneWhenLost(ClientCore):
         (DoneWhenLost, "4/16.reconnected"),
     ],
 )
-def test_what_was_not_answered_is_not_done(
+def test_an_unanswered_operation_has_not_succeeded(
     tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
 ) -> None:
-    """Silence, an idle robot and a lost link do not show how a command ended."""
+    """Silence, an idle robot or a lost link does not show how a command ended."""
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
@@ -151,7 +151,7 @@ class TakesLossForStopped(ClientCore):
 
 
 class WritesNowhere(AsyncClient):
-    """Reports a download as done that cannot be written."""
+    """Reports a download as successful although the file cannot be written."""
 
     async def download(self, remote: Any, *where: Any) -> Path:
         with suppress(OSError):
@@ -167,7 +167,7 @@ class WritesNowhere(AsyncClient):
         (WritesNowhere, _REFUSED_THEN_SENT),
     ],
 )
-def test_nothing_is_no_success(
+def test_a_missing_reply_is_not_a_success(
     tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
 ) -> None:
     """A missing reply or a missing file is not a success."""

@@ -23,7 +23,7 @@ from scaraspec.suite.engine.run import Run
 Try = Callable[..., Mapping[str, Verdict]]
 
 
-class TellsHalfAList(ClientCore):
+class ReportsPartialList(ClientCore):
     """Reports a partial program list when the connection ends."""
 
     class _Half(ProgramListing):
@@ -39,9 +39,9 @@ class TellsHalfAList(ClientCore):
         return self._Half(BY_NAME[name], value, self.dialect)
 
 
-def test_half_a_list_is_none(tried: Try) -> None:
+def test_a_partial_list_is_not_a_result(tried: Try) -> None:
     """A list without its last part is not a result."""
-    assert tried(TellsHalfAList, "4.10/10.many")["4.10/10.many"] is Verdict.FAIL
+    assert tried(ReportsPartialList, "4.10/10.many")["4.10/10.many"] is Verdict.FAIL
 
 
 class CutsTexts(ClientCore):
@@ -52,8 +52,8 @@ class CutsTexts(ClientCore):
         return super().command(name, cut)
 
 
-def test_what_is_wrong_costs_no_time_out() -> None:
-    """A wrong request is answered too, so no timeout is lost."""
+def test_a_wrong_request_causes_no_timeout() -> None:
+    """A wrong request is answered too, so that no timeout passes."""
     shell = type("Made", (AsyncClient,), {"core": CutsTexts})
     with closing(MemoryClient(shell, DEFAULT)) as access:
         only = frozenset({"4.1/1", "4.11/1", "4.15/1"})
@@ -74,7 +74,7 @@ class MissesChunks(ClientCore):
         return super().feed(none if data[:2] == none[:2] else data, now_s)
 
 
-def test_who_says_that_it_is_over_is_not_waited_for() -> None:
+def test_no_wait_after_a_reported_end() -> None:
     """The suite does not wait for a client that has reported the end of a download."""
     shell = type("Made", (AsyncClient,), {"core": MissesChunks})
     with closing(MemoryClient(shell, DEFAULT)) as access:
@@ -82,10 +82,10 @@ def test_who_says_that_it_is_over_is_not_waited_for() -> None:
         begun_s = access.now_s
         results = Run(ClientAdapter(access, Ics(), options)).results()
         assert access.now_s - begun_s < 10
-    told = {case.id: case for case in results.cases}["5.3/11"]
-    assert told.verdict is Verdict.FAIL
-    assert "did not answer the chunk" in told.message
-    assert "error" in told.observed  # what it says
+    printed = {case.id: case for case in results.cases}["5.3/11"]
+    assert printed.verdict is Verdict.FAIL
+    assert "did not answer the chunk" in printed.message
+    assert "error" in printed.observed  # the report of the client
 
 
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
@@ -145,10 +145,10 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
         ),
     ],
 )
-def test_what_is_told_is_what_was_sent(
+def test_a_wrong_report_is_detected(
     tried: Try, misread: tuple[str, bytes, str, bytes, str]
 ) -> None:
-    """Another reply, code, time, name or number is detected."""
+    """Another reply, code, time, name or number than the sent one is detected."""
     name, sent, other, taken, case = misread
     assert tried(misreads(name, sent, other, taken), case)[case] is Verdict.FAIL
 
@@ -162,8 +162,7 @@ class TakesCodesForDone(ClientCore):
         return super().feed(data.replace(code, done), now_s)
 
 
-def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
-    """Only 11 is a success."""
+def test_a_code_in_place_of_a_result_is_not_a_success(tried: Try) -> None:
     assert tried(TakesCodesForDone, "4/9.stages")["4/9.stages"] is Verdict.FAIL
 
 
@@ -176,17 +175,17 @@ def test_only_1_logs_in(tried: Try, reply: bytes) -> None:
 _UNDER_0E = ("get_motor_temperatures", "set_default_program")
 
 
-class GivesItToTheFirst(ClientCore):
+class AssignsToOldest(ClientCore):
     """Assigns a reply with 0x0E to the older request, without looking at its fields (A-4.14-1)."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         setting = BY_NAME["set_default_program"]
-        asked = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
-        if frame.opcode == setting.opcode and asked[:1] == [setting.name]:
+        queries = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
+        if frame.opcode == setting.opcode and queries[:1] == [setting.name]:
             frame = frame._replace(data=frame.data[:1])
         return super()._dispatch(frame, now_s)
 
 
-def test_who_asked_first_is_not_answered_first(tried: Try) -> None:
+def test_temperatures_are_not_the_reply_to_a_setting(tried: Try) -> None:
     """Temperatures with 0x0E are not the reply to an older setting."""
-    assert tried(GivesItToTheFirst, "4.14/4.both")["4.14/4.both"] is Verdict.FAIL
+    assert tried(AssignsToOldest, "4.14/4.both")["4.14/4.both"] is Verdict.FAIL

@@ -32,7 +32,7 @@ class Tidies(ClientCore):
         return super().command(name, value)
 
 
-def test_what_is_ordered_is_sent_as_it_is(tried: Try) -> None:
+def test_values_are_sent_unchanged(tried: Try) -> None:
     """A client must not change passwords, years or port numbers."""
     cases = tried(Tidies, "4.2/1", "4.5/1", "4.32/1")
     for case in ("4.2/1.pairs", "4.5/1.times", "4.32/1.each"):
@@ -57,8 +57,8 @@ class SetsWhatChanges(ClientCore):
         return value != before
 
 
-def test_what_is_ordered_again_is_sent_again(tried: Try) -> None:
-    """A program may have changed the output in the meantime."""
+def test_a_repeated_setting_is_sent_again(tried: Try) -> None:
+    """A program may have changed the output since."""
     assert tried(SetsWhatChanges, "4.32/1.each")["4.32/1.each"] is Verdict.FAIL
 
 
@@ -74,7 +74,7 @@ class CountsCharacters(ClientCore):
 
 
 @pytest.mark.parametrize("requirement", ["3/28", "4.2/7"])
-def test_characters_are_no_bytes(tried: Try, requirement: str) -> None:
+def test_the_limit_counts_bytes(tried: Try, requirement: str) -> None:
     """The limit is 255 bytes, not 255 characters."""
     assert Verdict.FAIL in tried(CountsCharacters, requirement).values()
 
@@ -114,7 +114,7 @@ class SkipsEmptyLines(ClientCore):
         (SkipsEmptyLines, "5.3/11", ".content"),
     ],
 )
-def test_nothing_is_tidied_up(
+def test_content_is_not_altered(
     tried: Try, make: type[ClientCore] | type[AsyncClient], requirement: str, name: str
 ) -> None:
     """Percent signs and empty lines stay unchanged."""
@@ -151,7 +151,7 @@ def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
         lambda name: f"{int(name, 16)}" if name[:2] == "0x" else name,
     ],
 )
-def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:
+def test_names_are_not_altered(tried: Try, altered: Callable[[str], str]) -> None:
     """The name to delete is sent unchanged, however unusual it is."""
     assert tried(tidies(altered), "T/10.outer-blanks")["T/10.outer-blanks"] is Verdict.FAIL
 
@@ -200,7 +200,7 @@ def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
         lambda time: not time.isascii(),
     ],
 )
-def test_a_time_is_digits(tried: Try, what: Callable[[str], bool]) -> None:
+def test_a_time_has_14_digits(tried: Try, what: Callable[[str], bool]) -> None:
     """A time with parsable parts is not necessarily 14 digits."""
     assert tried(trusts(what), "4.5/2")["4.5/2"] is Verdict.FAIL
 
@@ -215,6 +215,6 @@ class TriesTheDefaultPassword(AsyncClient):
             await super().login("password")
 
 
-def test_no_password_is_made_up(tried: Try) -> None:
-    """The client logs in only with the given password."""
+def test_no_other_password_is_sent(tried: Try) -> None:
+    """The client logs in only with the password of the operation."""
     assert tried(TriesTheDefaultPassword, "4.1/5.told-to")["4.1/5.told-to"] is Verdict.FAIL

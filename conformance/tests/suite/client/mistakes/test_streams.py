@@ -29,10 +29,10 @@ class LooksForFramesInData(ClientCore):
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
         held = data[len(data) - self._framer.buffered_bytes :]
-        _, mark, behind = held.partition(b"\xaa\xcc")
+        _, mark, after = held.partition(b"\xaa\xcc")
         if mark:
             self._framer = Framer(C2A)
-            events += super().feed(mark[1:] + behind, now_s)
+            events += super().feed(mark[1:] + after, now_s)
         return events
 
 
@@ -57,14 +57,14 @@ class KeepsHalves(ClientCore):
 
     def __init__(self, dialect: Dialect) -> None:
         super().__init__(dialect)
-        self._framer, self._last_received_s = self.kept, math.inf  # nothing was heard yet
+        self._framer, self._last_received_s = self.kept, math.inf  # nothing was received yet
 
     def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         self._framer = Framer(C2A)
         return super().connection_lost(reason, now_s)
 
 
-def test_half_a_frame_ends_with_its_connection(tried: Try) -> None:
+def test_a_partial_frame_ends_with_its_connection(tried: Try) -> None:
     """The reply to the next login is not the rest of an earlier frame."""
     assert tried(KeepsHalves, "3/29")["3/29"] is Verdict.FAIL
 
@@ -77,14 +77,14 @@ def test_half_a_frame_ends_with_its_connection(tried: Try) -> None:
         (ListsEndAtOtherFrames, "4.10/10.late"),
     ],
 )
-def test_what_a_stream_may_bring_is_brought(tried: Try, core: type[ClientCore], case: str) -> None:
-    """Frames are joined, partial frames contain frames, and results arrive at any time."""
+def test_all_forms_of_a_stream_are_tested(tried: Try, core: type[ClientCore], case: str) -> None:
+    """Joined frames, frames that contain frames, and results at any time occur in the cases."""
     only, _, _ = case.partition(".l")
     assert tried(core, only)[case] is Verdict.FAIL
 
 
 class WaitsATurnLater(ClientCore):
-    """Accepts a final result only from the turn of the event loop after the first reply."""
+    """Accepts a final result only after a turn of the event loop after the first reply."""
 
     accepted_s = -math.inf
 
@@ -96,7 +96,7 @@ class WaitsATurnLater(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-def test_what_comes_at_once_is_lost_where_that_is_tried(tried: Try) -> None:
+def test_lost_joined_results_fail_one_requirement(tried: Try) -> None:
     """One mistake with joined results does not fail every two-stage command."""
     cases = tried(WaitsATurnLater, "4/10", "3/13", "4.15/1", "4.17/1", "4.24/1")
     failed = {case for case, verdict in cases.items() if verdict is Verdict.FAIL}

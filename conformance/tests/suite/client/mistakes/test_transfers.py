@@ -1,4 +1,4 @@
-"""Mistakes of clients in transfers: where one begins, and where it ends."""
+"""Mistakes of clients in transfers: where a transfer begins, and where it ends."""
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -46,7 +46,7 @@ class Resumes(ClientCore):
 
 
 @pytest.mark.parametrize("name", ["upload", "download"])
-def test_what_broke_off_begins_anew(tried: Try, name: str) -> None:
+def test_a_failed_transfer_starts_from_the_beginning(tried: Try, name: str) -> None:
     """A transfer after a failure starts from the beginning."""
     assert tried(Resumes, f"5.4/6.{name}")[f"5.4/6.{name}"] is Verdict.FAIL
 
@@ -83,7 +83,7 @@ class TakesSignalsForEnds(ClientCore):
 
 
 @pytest.mark.parametrize("signal", ["length-0", "numbers-only"])
-def test_an_error_signal_is_no_end(tried: Try, signal: str) -> None:
+def test_an_error_signal_is_not_the_end(tried: Try, signal: str) -> None:
     """An error signal at the end position does not complete a download."""
     assert tried(TakesSignalsForEnds, f"5.3/8.{signal}")[f"5.3/8.{signal}"] is Verdict.FAIL
 
@@ -98,7 +98,7 @@ class CountsIn16Bits(ClientCore):
         return self._Short(name, limit_bytes, self.dialect)
 
 
-def test_no_download_is_over_too_early(tried: Try) -> None:
+def test_a_large_download_is_complete(tried: Try) -> None:
     """A 16-bit counter must not end a large download."""
     assert tried(CountsIn16Bits, "5.3/11.large")["5.3/11.large"] is Verdict.FAIL
 
@@ -121,6 +121,6 @@ class LimitsWholeUploads(ClientCore):
         return _LimitsAll(name, content, self.dialect)
 
 
-def test_an_upload_may_last(tried: Try) -> None:
+def test_the_timeout_applies_to_each_reply(tried: Try) -> None:
     """The timeout applies to each answer, not to the whole upload."""
     assert tried(LimitsWholeUploads, "5.2/9")["5.2/9"] is Verdict.FAIL

@@ -23,7 +23,7 @@ _IDS: Final = ("status", "pose", "inputs", "both")
 
 
 @pytest.mark.parametrize("sampled", _CASES, ids=_IDS)
-@pytest.mark.parametrize("period_s", [0.008, 0.05, 0.1])
+@pytest.mark.parametrize("period_s", [0.008, 0.1])
 def test_short_lag_is_tolerated(
     run_cases: RunCases, sampled: tuple[str, ...], period_s: float
 ) -> None:

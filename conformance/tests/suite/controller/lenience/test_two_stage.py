@@ -364,18 +364,19 @@ class SendsStatusChanges(ControllerCore):
                 self.emit(session, Frame(C2A, 0x09, self._last_status.encode()))
 
 
+class WrapsAngleAndSendsStatus(WrapsAngle, SendsStatusChanges):
+    """Combines two independent readings."""
+
+
 @pytest.mark.parametrize(
     "core",
     [
-        StopLatches,
         SlowAndAwayFromHome,
         DetectsProblemsLate,
         MovesInNoTime,
-        UnresponsiveWhileBusy,
         SlowAndUnresponsive,
         ReportsNoise,
-        WrapsAngle,
-        SendsStatusChanges,
+        WrapsAngleAndSendsStatus,
     ],
 )
 def test_no_false_alarm(run_cases: RunCases, core: type[ControllerCore]) -> None:

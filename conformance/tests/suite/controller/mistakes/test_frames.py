@@ -116,7 +116,7 @@ def test_fault_is_detected(
     run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in run_cases(core, only, examples=1).violated
+    assert requirement in run_cases(core, only, examples=1, fail_fast=True).violated
 
 
 def test_wrong_length_of_the_first_reply(run_cases: RunCases) -> None:

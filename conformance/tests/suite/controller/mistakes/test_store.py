@@ -243,7 +243,7 @@ def test_fault_is_detected(
     run_cases: RunCases, core: type[ControllerCore], only: str, requirement: str
 ) -> None:
     """One of the cases that run fails for the violated requirement."""
-    assert requirement in run_cases(core, only, examples=1).violated
+    assert requirement in run_cases(core, only, examples=1, fail_fast=True).violated
 
 
 def test_upload_as_default_is_detected_without_motion(run_cases: RunCases) -> None:

@@ -10,6 +10,9 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.descriptor_pb2 import (  # type: ignore[import-untyped]  # ships no types
     FileDescriptorSet,
 )
+from google.protobuf.message import (  # type: ignore[import-untyped]  # as above
+    DecodeError,
+)
 
 from scaraspec_recorder.sinks.rerun.arm_model import Placement
 
@@ -47,6 +50,18 @@ def log(time_ns: int, level: str, source: str, text: str) -> bytes:
     """Encode a foxglove.Log; its level is a value of `text.Level`."""
     stamp = _stamp(time_ns)
     return _bytes(Log(timestamp=stamp, level=_LEVELS[level], name=source, message=text))
+
+
+def log_source(data: bytes) -> str:
+    """Return the source of an encoded foxglove.Log.
+
+    Raises:
+        ValueError: The bytes are not such a message.
+    """
+    try:
+        return str(Log.FromString(data).name)
+    except DecodeError as error:
+        raise ValueError(f"no log line: {error}") from None
 
 
 def transforms(time_ns: int, placements: Iterable[Placement]) -> bytes:

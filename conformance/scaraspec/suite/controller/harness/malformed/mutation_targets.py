@@ -37,7 +37,7 @@ class Recovery(Enum):
 
     AT_ONCE = "the next request was served"
     LATER = "the next requests were lost, later ones were served"
-    ANEW = "the connection was closed, a new one was served"
+    NEW_CONNECTION = "the connection was closed, a new one was served"
 
 
 def is_harmless(data: bytes) -> bool:
@@ -156,7 +156,7 @@ def recovery_of(subject: ControllerUnderTest, line: OutgoingConnection) -> Recov
             observed="silence, while a new connection is served",
             requirement="3/31",
         )
-    return Recovery.ANEW
+    return Recovery.NEW_CONNECTION
 
 
 def _answers(line: OutgoingConnection, data: bytes, within_s: float) -> bool:

@@ -126,7 +126,7 @@ class Model(SettingSteps, ExecutionSteps):
             UserMessage("{error}, in {step} after: {steps}", error=error, step=act, steps=steps),
         )
         if isinstance(error, NoReply):
-            error.requirement = error.requirement or error.owed
+            error.requirement = error.requirement or error.reply_requirement
 
     def _query(self, step: Step, line: OutgoingConnection) -> str | None:
         queries = supported_queries(self._subject)

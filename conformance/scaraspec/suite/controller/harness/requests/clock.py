@@ -27,7 +27,7 @@ class ClockSample(NamedTuple):
     """A reported time, and when it was requested and answered, in seconds since the Unix epoch."""
 
     time: datetime
-    asked_s: float
+    sent_s: float
     answered_s: float
 
 
@@ -37,7 +37,7 @@ def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockS
     Raises:
         CaseFailed: The reply is not a valid time.
     """
-    asked_s = subject.now_ns / _NS
+    sent_s = subject.now_ns / _NS
     answer = line.ask("get_time")
     if not isinstance(answer.value, datetime):
         message = "the reply to 0x07 is not a valid time YYYYMMDDHHMMSS"
@@ -45,7 +45,7 @@ def read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> ClockS
         raise CaseFailed(
             message, expected="YYYYMMDDHHMMSS", observed=f"{answer}", requirement=requirement
         )
-    return ClockSample(answer.value, asked_s, answer.time_s)
+    return ClockSample(answer.value, sent_s, answer.time_s)
 
 
 def _has_form(answer: ReceivedFrame) -> bool:
@@ -122,12 +122,12 @@ def set_clock(
     Raises:
         CaseFailed: The request is refused.
     """
-    asked_s = subject.now_ns / _NS
+    sent_s = subject.now_ns / _NS
     answer = line.ask("set_time", time)
     message = UserMessage("setting the time {time} was not answered with 1", time=time)
     requirement = "4.5/3" if answer.accepted is None else "4.5/6"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
-    return ClockSample(time, asked_s, answer.time_s)
+    return ClockSample(time, sent_s, answer.time_s)
 
 
 def expect_clock_ran(
@@ -143,8 +143,8 @@ def expect_clock_ran(
         CaseFailed: The clock advanced too little or too much.
     """
     scale = subject.ics.time_scale
-    min_s = max(then.asked_s - first.answered_s, 0.0) * scale
-    max_s = (then.answered_s - first.asked_s) * scale
+    min_s = max(then.sent_s - first.answered_s, 0.0) * scale
+    max_s = (then.answered_s - first.sent_s) * scale
     slack_s = SLACK_S + _DRIFT * max_s
     advance_s = (then.time - first.time).total_seconds()
     expect(

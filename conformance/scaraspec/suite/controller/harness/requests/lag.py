@@ -36,7 +36,7 @@ _NS: Final = 1e9
 def measure(
     subject: ControllerUnderTest, line: OutgoingConnection, is_new: Callable[[], bool]
 ) -> Lag | None:
-    """Measure how long a change is not reported that was made just now.
+    """Measure how long after a change the old state is reported. Call it right after the change.
 
     Args:
         subject: The controller under test.

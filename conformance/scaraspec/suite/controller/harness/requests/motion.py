@@ -406,7 +406,7 @@ def wait_for_end(
     """
     due = ExpectedReply(name, result=True)
     full_s = subject.longest_s if within_s is None else within_s
-    deadline = Deadline(subject, subject.patience.timeout_s(due, full_s))
+    deadline = Deadline(subject, subject.timeout_policy.timeout_s(due, full_s))
     idle = False
     while not (idle or deadline.expired or line.ended):
         with suppress(NoReply):
@@ -416,19 +416,19 @@ def wait_for_end(
     with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
     if not line.ended:
-        subject.patience.note_timeout(due)
+        subject.timeout_policy.note_timeout(due)
     return None
 
 
 def wait_until_at_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until nothing executes. The status may then report a fault."""
-    full_s = subject.patience.rest_timeout_s(subject.longest_s)
+    full_s = subject.timeout_policy.rest_timeout_s(subject.longest_s)
     deadline = Deadline(subject, full_s)
     while (busy := status_of(subject, line) in (*BUSY, None)) and not (
         deadline.expired or line.ended
     ):
         line.wait(deadline.poll_s)
-    subject.patience.note_rest(full_s - deadline.remaining_s, rests=not busy)
+    subject.timeout_policy.note_rest(full_s - deadline.remaining_s, rests=not busy)
 
 
 def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> None:

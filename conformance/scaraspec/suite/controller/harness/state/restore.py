@@ -121,46 +121,46 @@ def restore(subject: ControllerUnderTest) -> Differences:
 
 
 def _restore_item(
-    item: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any, *, ours: bool
+    item: Item, subject: ControllerUnderTest, line: OutgoingConnection, expected: Any, *, ours: bool
 ) -> str:
     """Restore one item if the suite may have changed it. Return the remaining difference."""
     try:
         now = _read(item, subject, line)
-        if item.name == _CLOCK and ours and not item.differs(subject, now, wanted):
-            now = _set_clock_again(item, subject, line, wanted)
-        if not item.differs(subject, now, wanted):
+        if item.name == _CLOCK and ours and not item.differs(subject, now, expected):
+            now = _set_clock_again(item, subject, line, expected)
+        if not item.differs(subject, now, expected):
             return ""
         if item.name == _PROGRAMS:
-            return _program_differences(subject, line, now, wanted)
+            return _program_differences(subject, line, now, expected)
         if not ours:
             return UserMessage(
                 "the {item} was {before} at the start and is {now}: the suite has not set it",
                 item=item.name,
-                before=shown(item, wanted),
+                before=shown(item, expected),
                 now=shown(item, now),
             )
         expect(
             item.hazard in subject.allowed,
             UserMessage("restoring it needs --allow {hazard}", hazard=item.hazard.value),
         )
-        item.write(subject, line, wanted)
+        item.write(subject, line, expected)
         now = _read(item, subject, line)
         expect(
-            not item.differs(subject, now, wanted),
+            not item.differs(subject, now, expected),
             UserMessage("it is still {value}", value=shown(item, now)),
         )
     except (CaseFailed, CaseInconclusive) as error:
         return UserMessage(
             "the {item} could not be restored to {before}: {error}",
             item=item.name,
-            before=shown(item, wanted),
+            before=shown(item, expected),
             error=error,
         )
     return ""
 
 
 def _set_clock_again(
-    clock: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any
+    clock: Item, subject: ControllerUnderTest, line: OutgoingConnection, expected: Any
 ) -> Any:
     """Set the clock again although it is within its tolerance.
 
@@ -168,12 +168,15 @@ def _set_clock_again(
     """
     with suppress(CaseFailed, CaseInconclusive):
         if clock.hazard in subject.allowed:
-            clock.write(subject, line, wanted)
+            clock.write(subject, line, expected)
     return _read(clock, subject, line)
 
 
 def _program_differences(
-    subject: ControllerUnderTest, line: OutgoingConnection, now: list[str] | None, wanted: list[str]
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    now: list[str] | None,
+    expected: list[str],
 ) -> str:
     """Return the differences of the program list. The files of the suite are deleted before.
 
@@ -181,7 +184,7 @@ def _program_differences(
     """
     if now is None:
         return "the program list cannot be read, so it was not compared with that of the start"
-    added, missing = sorted({*now} - {*wanted}), sorted({*wanted} - {*now})
+    added, missing = sorted({*now} - {*expected}), sorted({*expected} - {*now})
     differences = []
     for name in added:
         if subject.files.is_own(name.encode("latin-1")):
@@ -304,9 +307,9 @@ def _read_outputs(_: ControllerUnderTest, line: OutgoingConnection) -> str | Non
 
 def _write_outputs(subject: ControllerUnderTest, line: OutgoingConnection, digits: str) -> None:
     now = _read_outputs(subject, line) or ""
-    for port, (digit, wanted) in enumerate(zip(reversed(now), reversed(digits), strict=False), 1):
-        if digit != wanted:
-            set_value(line, "set_digital_output", PortValue(port, int(wanted)))
+    for port, (digit, expected) in enumerate(zip(reversed(now), reversed(digits), strict=False), 1):
+        if digit != expected:
+            set_value(line, "set_digital_output", PortValue(port, int(expected)))
 
 
 def _read_numbers(

@@ -1,4 +1,4 @@
-"""Timeouts: tests several silences at the same time, each on its own connection."""
+"""Silences: tests several silences at the same time, each on its own connection."""
 
 from collections import deque
 from collections.abc import Callable
@@ -68,8 +68,10 @@ def run_tracks(subject: ControllerUnderTest, tracks: list[Track], *, at_once: bo
     track, because a late chunk may be ignored (A-5-16), or if a transfer outlives its connection.
     """
     limits = transfer_timeouts_of(subject)
-    apart = limits.late_s + subject.reply_s < 2 * limits.must_survive_s
-    at_once = at_once and not subject.transfers_outlive and (apart or _refuses_strays(subject))
+    in_processes = limits.late_s + subject.reply_s < 2 * limits.must_survive_s
+    at_once = (
+        at_once and not subject.transfers_outlive and (in_processes or _refuses_strays(subject))
+    )
     waiting = list(tracks)
     while waiting:
         running = [_Running(subject, waiting.pop(0))]
