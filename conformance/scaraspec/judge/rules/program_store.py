@@ -6,14 +6,7 @@ from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
 
-from scaraspec.judge.rules.rule import (
-    PASSED,
-    RuleResult,
-    failed,
-    places_of,
-    rule,
-    tolerated,
-)
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
@@ -172,6 +165,8 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
 def names_are_apart(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No other character separates the names (L246): known names reveal it, or a line end."""
     for name in listed_names(x):
+        if _is_known(name, robot):
+            continue
         for separator in _OTHER_SEPARATORS:
             apart = [each for each in name.split(separator) if each]
             known = all(_is_known(each, robot) for each in apart)

@@ -115,6 +115,7 @@ CASES = (
     ("4.10/3", "fail", session(listed(r"0|a.rob\r\nb.rob"))),
     ("4.10/3", "fail 4.10/11", session(upload("a"), upload("b"), listed("0|a,b"))),
     ("4.10/3", "pass", session(listed("0|a,b"))),
+    ("4.10/3", "pass", session(*map(upload, ("a", "b", "a,b")), listed("0|a|b|a,b"))),
     ("4.10/3", "pass", session(listed("0|my program.rob"))),
     ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "0|20"))),
     ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "1", "00|20"))),
