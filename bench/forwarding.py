@@ -63,7 +63,12 @@ def measure(options: argparse.Namespace) -> None:
 
 def compare(stage: Stage, options: argparse.Namespace) -> None:
     """Compare the recorder with its peers, and print which goals are reached."""
-    others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
+    others = [
+        peers.uvloop_forwarder(),
+        peers.recorder(),
+        peers.recorder("… by kernel time", "--timestamps", "kernel"),
+        peers.recorder("… durable", "--durable"),
+    ]
     if socat := peers.socat():
         others.append(socat)
     else:

@@ -85,11 +85,8 @@ def tap(*, taken: bool) -> Peer:
     return Peer(f"tap, records {'taken' if taken else 'dropped'}", command)
 
 
-def recorder(*, kernel_time: bool = False) -> Peer:
+def recorder(name: str = "scaraspec record", *options: str) -> Peer:
     """Return the recorder, which records and decodes in other processes."""
-    name, options = "scaraspec record", ("--timestamps", "user")
-    if kernel_time:
-        name, options = "… by kernel time", ("--timestamps", "kernel")
 
     def command(port: int, target: int, folder: Path) -> list[str]:
         link = (f"tcp://{HOST}:{target}", "--listen", f"{HOST}:{port}")

@@ -1,4 +1,4 @@
-"""Calls that depend on the operating system: the state directory, locks, private files, signals.
+"""Calls that depend on the operating system: the folders, locks, private files, signals.
 
 No other module of the package `scaraspec` chooses between operating systems.
 """
@@ -19,6 +19,16 @@ _PRIVATE_FILE = 0o600
 def state_directory() -> Path:
     """Return the directory for data that must survive a run, e.g. ~/.local/state/scaraspec."""
     return Path(platformdirs.user_state_dir("scaraspec", appauthor=False))
+
+
+def wireshark_plugin_directory() -> Path:
+    """Return the user's folder of Wireshark plugins; it may not exist."""
+    if os.name == "nt":
+        return (
+            Path(platformdirs.user_config_dir("Wireshark", appauthor=False, roaming=True))
+            / "plugins"
+        )
+    return Path.home() / ".local/lib/wireshark/plugins"  # on macOS, too
 
 
 def make_private_folder(path: Path) -> None:

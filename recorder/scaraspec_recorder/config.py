@@ -83,6 +83,7 @@ class RobotConfig:
         timestamps: Source of the reception timestamps.
         file_mode: Access rights of the files.
         no_rrd: Whether to write no .rrd files.
+        durable: Whether a power failure costs a second at most.
     """
 
     name: str
@@ -102,6 +103,7 @@ class RobotConfig:
     timestamps: TimestampSource = TimestampSource.USER
     file_mode: int = PRIVATE_MODE
     no_rrd: bool = False
+    durable: bool = False
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
@@ -223,6 +225,8 @@ def _check_effects(robot: RobotConfig, prefix: str) -> None:
     Raises:
         ConfigError: A setting needs another one.
     """
+    if robot.durable and sys.platform == "win32":
+        raise ConfigError(UserMessage("{prefix}durable needs a POSIX system", prefix=prefix))
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
             UserMessage("{prefix}i-mean-it has no effect without inject: remove it", prefix=prefix)
@@ -384,6 +388,7 @@ _KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "timestamps": (str, "timestamps", _timestamp_source),
     "file-mode": (str, "file_mode", _file_mode),
     "no-rrd": (bool, "no_rrd", bool),
+    "durable": (bool, "durable", bool),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 

@@ -22,6 +22,7 @@ from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, prepare_folder
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.sinks.sink_runner import Progress, count_unwritten
 from scaraspec_recorder.spool import mark_requests
+from scaraspec_recorder.spool.durability import SYNC_S, SpoolSync
 from scaraspec_recorder.spool.locks import locked_spool
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
 from scaraspec_recorder.tap import tap, tcp
@@ -137,6 +138,14 @@ def _listening(route: Route, listen: Sequence[tuple[str, int]]) -> Iterator[list
         yield listeners
 
 
+async def _sync(spool: Path) -> None:
+    """Write the spool through to the device until cancelled."""
+    spool_sync = SpoolSync(spool)
+    while True:
+        await asyncio.to_thread(spool_sync.sync)
+        await asyncio.sleep(SYNC_S)
+
+
 @asynccontextmanager
 async def record(  # noqa: PLR0913 - independent options
     route: Route,
@@ -148,6 +157,7 @@ async def record(  # noqa: PLR0913 - independent options
     injection: Injection | None = None,
     kernel_time: bool = False,
     file_mode: int = PRIVATE_MODE,
+    durable: bool = False,
 ) -> AsyncIterator[Recording]:
     """Relay and record connections while the context is active.
 
@@ -164,19 +174,24 @@ async def record(  # noqa: PLR0913 - independent options
         injection: Faults to inject; None to forward everything unchanged.
         kernel_time: Whether to use kernel timestamps; otherwise the time of the read call.
         file_mode: Access rights of the files; the folder can be searched by all who can read them.
+        durable: Whether a power failure costs a second at most. The spool is then on the disk.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
     prepare_folder(out_dir, file_mode)
-    with _listening(route, listen) as listeners, locked_spool(out_dir, limit_bytes) as spool:
-        writer_arguments = (spool, out_dir, tuple(sinks), file_mode)
+    with (
+        _listening(route, listen) as listeners,
+        locked_spool(out_dir, limit_bytes, durable=durable) as spool,
+    ):
+        writer_arguments = (spool, out_dir, tuple(sinks), file_mode, durable)
         writer = ChildProcess("writer", sink_runner.run_writer, *writer_arguments)
         connect = partial(InjectedConnection, injection) if injection else None
         tap_arguments = (listeners, route, spool, limit_bytes, connect, kernel_time)
         tap_child = ChildProcess("tap", tap.run, *tap_arguments, writer.control_socket)
         addresses = [listener.getsockname()[:2] for listener in listeners]
         recording = Recording(addresses, spool, tap_child, writer)
+        syncing = asyncio.create_task(_sync(spool)) if durable else None
         try:
             writer.start()
             tap_child.start()
@@ -191,5 +206,7 @@ async def record(  # noqa: PLR0913 - independent options
                 for listener in listeners:
                     listener.close()
                 await recording.stop_writer()
+                if syncing:
+                    syncing.cancel()
             if recording.progress.finished:
                 shutil.rmtree(spool)

@@ -1,7 +1,8 @@
 """Replays the requests of a recorded client and compares the replies.
 
 A request is sent only if its hazard is allowed, its command is defined and its form is valid. The
-order is kept; each request waits for the reply to the previous one. This module opens no link.
+order is kept: each request waits for the reply to the previous one, and for the final results that
+came before it in the capture. Replies are compared by their meaning. This module opens no link.
 """
 
 from collections import deque
@@ -9,7 +10,8 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from scaraspec.protocol.commands import Parsed, parse_frame
+from scaraspec.judge.tolerances import same_meaning
+from scaraspec.protocol.commands import BY_NAME, parse_frame
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
@@ -19,6 +21,10 @@ from scaraspec.traffic.dialogue import Dialogue
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.text import text_of
+
+MAX_GAP_S: Final = 60.0
+"""The longest pause between two messages, in seconds of the capture."""
 
 _MAX_PENDING: Final = 256
 """Maximum number of requests whose reply is still searched in the capture."""
@@ -44,16 +50,18 @@ class LinkEndedError(Exception):
 
 @dataclass(slots=True)
 class ReplayStep:
-    """One message of the recorded client.
+    """One message of the recorded client, or a final result that it waits for.
 
     Attributes:
         name: The command's name, or "bytes".
         time_ns: Time in the capture.
-        frame: The frame to send; None if it is not sent.
-        reason: Why it is not sent.
+        frame: The frame to send; None if nothing is sent.
+        reason: Why it is not sent or not waited for.
         is_reply: The message is a reply to a request of the controller.
-        recorded_reply: Form of the first reply in the capture, see `reply_form`.
-        new_reply: Form of the first reply in the replay.
+        is_result: A final result of the controller.
+        duration_s: How long the execution took until the final result, in the capture.
+        recorded: The first reply or the final result in the capture.
+        received: The same in the replay.
     """
 
     name: str
@@ -61,18 +69,46 @@ class ReplayStep:
     frame: Frame | None = None
     reason: str = ""
     is_reply: bool = False
-    recorded_reply: str = ""
-    new_reply: str = ""
+    is_result: bool = False
+    duration_s: float = 0.0
+    recorded: Frame | None = None
+    received: Frame | None = None
 
     @property
     def complete(self) -> bool:
         """Whether no further message of the capture belongs to it."""
-        return self.frame is None or self.is_reply or bool(self.recorded_reply)
+        return self.frame is None or self.is_reply or self.recorded is not None
+
+    @property
+    def recorded_reply(self) -> str:
+        """The reply in the capture as text; empty if there is none."""
+        return _reply_text(self.recorded)
+
+    @property
+    def new_reply(self) -> str:
+        """The reply in the replay as text; empty if there is none."""
+        return _reply_text(self.received)
 
     @property
     def differs(self) -> bool:
-        """Whether the new reply differs from the recorded one; False without a recorded reply."""
-        return bool(self.recorded_reply) and self.recorded_reply != self.new_reply
+        """Whether the replies have another meaning; False without a recorded one."""
+        if self.recorded is None or self.reason:
+            return False
+        return self.received is None or not _same(self.recorded, self.received)
+
+
+def _reply_text(frame: Frame | None) -> str:
+    return (text_of(frame) or "an empty reply") if frame else ""
+
+
+def _same(recorded: Frame, received: Frame) -> bool:
+    """Return whether two replies have the same meaning."""
+    first, second = parse_frame(recorded), parse_frame(received)
+    if first is None or second is None:
+        return recorded.data == received.data
+    if bool(first.decoded.issues) != bool(second.decoded.issues):
+        return False
+    return same_meaning(first.command.name, first.decoded.value, second.decoded.value)
 
 
 def plan_steps(
@@ -87,12 +123,13 @@ def plan_steps(
     """
     dialogue = Dialogue(connection, RobotState(), DEFAULT)
     pending: deque[ReplayStep] = deque()
+    accepted_ns: dict[int, int] = {}  # by opcode: when a command that is sent was accepted
     for event in events:
         if event.connection != connection:
             continue
         for item in dialogue.feed(event):
             if isinstance(item, FrameSeen) and item.frame.direction is C2A:
-                _assign_reply(pending, item)
+                _add_reply(item, pending, accepted_ns)
             elif isinstance(item, FrameSeen):
                 pending.append(_step(item, allowed))
             elif isinstance(item, InvalidBytes) and item.place.direction is A2C:
@@ -103,29 +140,46 @@ def plan_steps(
 
 
 def replay(
-    plan: Iterable[ReplayStep], link: Link, *, reply_timeout_s: float, speed: float | None = None
+    plan: Iterable[ReplayStep],
+    link: Link,
+    *,
+    reply_timeout_s: float,
+    speed: float | None = None,
+    max_gap_s: float = MAX_GAP_S,
 ) -> Iterator[ReplayStep]:
     """Send the allowed messages. Yield each step when it is done.
 
     Args:
         plan: The steps.
         link: An open link, logged in if required.
-        reply_timeout_s: Timeout of a reply.
+        reply_timeout_s: Timeout of a reply. A final result may take this much longer than in the
+            capture.
         speed: Speed relative to the capture; None sends without pauses.
+        max_gap_s: The longest pause between two messages of the capture, in seconds.
 
     Raises:
         LinkEndedError: The controller closed the link.
     """
     receiver, requested = _FrameReceiver(link), True
-    begun: tuple[float, int] | None = None
+    not_executing: set[str] = set()
+    due_s, before_ns = link.now_s, None
     for step in plan:
-        begun = begun or (link.now_s, step.time_ns)
-        if speed and step.frame:
-            receiver.receive_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
-        if step.frame and step.is_reply:
+        gap_s = (step.time_ns - (step.time_ns if before_ns is None else before_ns)) / 1e9
+        before_ns = step.time_ns
+        if speed:
+            due_s += min(max(gap_s, 0.0), max_gap_s) / speed
+            if step.frame:
+                receiver.receive_until(due_s)
+        if step.is_result:
+            if step.name in not_executing:
+                step.reason = "it was not accepted"
+            else:
+                timeout_s = step.duration_s + reply_timeout_s
+                step.received = receiver.receive_reply(step, timeout_s, part="result")
+        elif step.frame and step.is_reply:
             # After one missing request, as in a refused download, do not wait for further ones.
             timeout_s = reply_timeout_s if requested else 0
-            requested = bool(receiver.receive_reply(step.frame.opcode, timeout_s, part="request"))
+            requested = bool(receiver.receive_reply(step, timeout_s, part="request"))
             if requested:
                 link.send(step.frame.encode())
             else:
@@ -133,24 +187,15 @@ def replay(
         elif step.frame:
             requested = True
             link.send(step.frame.encode())
-            step.new_reply = receiver.receive_reply(
-                step.frame.opcode, reply_timeout_s, part="reply"
-            )
+            step.received = receiver.receive_reply(step, reply_timeout_s, part="reply")
+            (not_executing.discard if _accepts(step.received) else not_executing.add)(step.name)
         yield step
 
 
-def reply_form(parsed: Parsed | None) -> str:
-    """Return the form of a reply, independent of the values in it, which change between runs."""
-    if parsed is None:
-        return "undefined"
-    value = parsed.decoded.value
-    if parsed.decoded.issues:
-        return "malformed"
-    if isinstance(value, Acceptance):
-        return "accepted" if value.accepted else "refused"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "answered"
+def _accepts(reply: Frame | None) -> bool:
+    parsed = parse_frame(reply) if reply else None
+    value = parsed.decoded.value if parsed else None
+    return isinstance(value, Acceptance) and value.accepted
 
 
 class _FrameReceiver:
@@ -161,17 +206,18 @@ class _FrameReceiver:
         self._framer = Framer(C2A)
         self._unmatched: deque[Frame] = deque(maxlen=_MAX_PENDING)
 
-    def receive_reply(self, opcode: int, timeout_s: float, *, part: str) -> str:
-        """Return the form of the next message with this opcode; empty after the timeout."""
+    def receive_reply(self, step: ReplayStep, timeout_s: float, *, part: str) -> Frame | None:
+        """Return the next message of this part of a step's command; None after the timeout."""
+        opcode = BY_NAME[step.name].opcode if step.frame is None else step.frame.opcode
         deadline_s = self._link.now_s + timeout_s
         while True:
-            while self._unmatched:
-                frame = self._unmatched.popleft()
+            for frame in self._unmatched:
                 parsed = parse_frame(frame)
                 if frame.opcode == opcode and (parsed is None or parsed.part == part):
-                    return reply_form(parsed)
+                    self._unmatched.remove(frame)
+                    return frame
             if not self._receive(deadline_s):
-                return ""
+                return None
 
     def receive_until(self, deadline_s: float) -> None:
         """Receive and keep frames until the deadline."""
@@ -208,10 +254,31 @@ def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> ReplayStep:
     return step
 
 
-def _assign_reply(pending: Iterable[ReplayStep], seen: FrameSeen) -> None:
-    """Assign a first reply to the oldest pending step with the same opcode."""
+def _add_reply(seen: FrameSeen, pending: deque[ReplayStep], accepted_ns: dict[int, int]) -> None:
+    """Add a message of the controller to the step that it answers, or a step for a result."""
+    opcode = seen.frame.opcode
+    if not seen.frame.tagged:
+        if _assign_reply(pending, seen):
+            accepted_ns[opcode] = seen.place.time_ns
+    elif (begun_ns := accepted_ns.pop(opcode, None)) is not None:
+        pending.append(_result(seen, begun_ns))
+
+
+def _result(seen: FrameSeen, begun_ns: int) -> ReplayStep:
+    """Build the step that waits for a final result."""
+    step = ReplayStep(seen.name, seen.place.time_ns, is_result=True, recorded=seen.frame)
+    step.duration_s = max(seen.place.time_ns - begun_ns, 0) / 1e9
+    return step
+
+
+def _assign_reply(pending: Iterable[ReplayStep], seen: FrameSeen) -> bool:
+    """Assign a first reply to the oldest pending step with the same opcode.
+
+    Returns:
+        Whether it accepts a two-stage command that is sent.
+    """
     for step in pending:
         if not step.complete and step.frame and step.frame.opcode == seen.frame.opcode:
-            if not seen.frame.tagged:
-                step.recorded_reply = reply_form(seen.parsed)
-            return
+            step.recorded = seen.frame
+            return _accepts(seen.frame)
+    return False

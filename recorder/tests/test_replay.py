@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.commands import BY_NAME, JointValues
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
@@ -89,16 +89,18 @@ def test_order_and_bytes_are_kept(shift: list[WireEvent]) -> None:
     assert b"".join(data for _, data in robot.sent) == recorded
     moments = [moment_s for moment_s, _ in robot.sent]
     assert moments == [100.0 + number for number in range(len(moments))]
-    assert all(step.frame for step in done)
+    assert all(step.frame or step.is_result for step in done)
 
 
-def test_replies_are_compared_by_kind(talk: Any) -> None:
-    """Other values are equal; a refusal instead of an acceptance differs, and so does silence."""
+def test_replies_are_compared_by_meaning(talk: Any) -> None:
+    """Another status or a refusal differs, and so does silence; another temperature does not."""
+    talk.ask("get_motor_temperatures", None, JointValues(30, 30, 30, 30))
     talk.ask("get_status", None, "00")
     talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
     talk.ask("get_default_program", None, b"p.rob")
     talk.ask("get_analog_input", 3)
     answers = {
+        "get_motor_temperatures": [reply("get_motor_temperatures", JointValues(33, 30, 28, 30))],
         "get_status": [reply("get_status", "12")],
         "run_program": [reply("run_program", Acceptance(accepted=False, code="01"))],
     }
@@ -106,11 +108,59 @@ def test_replies_are_compared_by_kind(talk: Any) -> None:
     robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
     done = [*replay(plan_steps(talk.events, "1", ALL), robot, reply_timeout_s=1)]
     assert [(s.name, s.recorded_reply, s.new_reply, s.differs) for s in done] == [
-        ("get_status", "answered", "answered", False),
-        ("run_program", "accepted", "refused", True),
-        ("get_default_program", "answered", "", True),
+        (
+            "get_motor_temperatures",
+            *("inner_arm 30 °C, outer_arm 30 °C, wrist 30 °C, rotation 30 °C",),
+            *("inner_arm 33 °C, outer_arm 30 °C, wrist 28 °C, rotation 30 °C", False),
+        ),
+        ("get_status", "00 idle", "12 motor fault: outer arm", True),
+        ("run_program", "accepted", "refused 01 running a program", True),
+        ("get_default_program", "p.rob", "", True),
         ("get_analog_input", "", "", False),
     ]
+
+
+@pytest.mark.parametrize(("outcome", "differs"), [(b"11", False), (b"00|12", True), (None, True)])
+def test_a_final_result_is_waited_for(talk: Any, outcome: bytes | None, *, differs: bool) -> None:
+    """The next request is sent after it, as in the capture, and the results are compared."""
+    run = BY_NAME["run_program"].opcode
+    talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
+    talk.time_ns += 3_000_000_000
+    talk.send(C2A, Frame(C2A, run, b"11", tagged=True).encode())
+    talk.ask("get_status", None, "00")
+    accepted = [reply("run_program", Acceptance(accepted=True))]
+    result = [Frame(C2A, run, outcome, tagged=True).encode()] if outcome else []
+    answers = {run: accepted + result, BY_NAME["get_status"].opcode: [reply("get_status", "00")]}
+    robot = Robot(lambda frame: answers[frame.opcode])
+    done = [*replay(plan_steps(talk.events, "1", ALL), robot, reply_timeout_s=1)]
+    assert [(s.name, s.is_result, s.differs) for s in done] == [
+        ("run_program", False, False),
+        ("run_program", True, differs),
+        ("get_status", False, False),
+    ]
+    waited_s = robot.sent[1][0] - robot.sent[0][0]
+    assert waited_s == (0 if outcome else pytest.approx(4, abs=0.1))
+
+
+def test_no_result_of_a_refused_command_is_waited_for(talk: Any) -> None:
+    run = BY_NAME["run_program"].opcode
+    talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
+    talk.send(C2A, Frame(C2A, run, b"11", tagged=True).encode())
+    robot = Robot(lambda _: [reply("run_program", Acceptance(accepted=False, code="01"))])
+    _, result = replay(plan_steps(talk.events, "1", ALL), robot, reply_timeout_s=1)
+    assert (result.reason, result.differs) == ("it was not accepted", False)
+    assert robot.now_s == 100
+
+
+def test_long_pauses_are_shortened(talk: Any) -> None:
+    """Also a step of the clock by 100 days, in either direction."""
+    for days in (0, 100, -100):
+        talk.time_ns += days * 86_400 * 10**9
+        talk.ask("get_status", None, "00")
+    robot = Robot(lambda _: [reply("get_status", "00")])
+    plan = plan_steps(talk.events, "1", READ_ONLY)
+    list(replay(plan, robot, reply_timeout_s=1, speed=1, max_gap_s=60))
+    assert [round(sent_s) for sent_s, _ in robot.sent] == [100, 160, 160]
 
 
 def test_speed_scales_the_times_of_the_capture(talk: Any) -> None:

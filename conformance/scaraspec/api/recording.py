@@ -168,6 +168,7 @@ async def record(
             injection=robot.injection,
             kernel_time=robot.timestamps is TimestampSource.KERNEL,
             file_mode=robot.file_mode,
+            durable=robot.durable,
         ) as recording,
         plan.client_relay(recording.address),
     ):

@@ -1,6 +1,6 @@
 """The replay of a capture: recorded requests are sent to a controller again."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Final
@@ -14,10 +14,11 @@ from scaraspec.transports.link import Link
 from scaraspec.transports.url import parse
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder import replay as capture_replay
-from scaraspec_recorder.replay import ReplayStep
+from scaraspec_recorder.replay import MAX_GAP_S, ReplayStep
 from scaraspec_recorder.sources.capture import open_capture
 
 _LOGIN: Final = BY_NAME["login"]
+_ACCEPTED: Final = "ok"
 
 
 class LoginFailedError(Exception):
@@ -34,11 +35,13 @@ def replay(  # noqa: PLR0913 - independent options
     port: int | None = None,
     reply_timeout_s: float = 5.0,
     speed: float | None = None,
+    max_gap_s: float = MAX_GAP_S,
+    progress: Callable[[int, int], None] = lambda _read, _size: None,
 ) -> Iterator[ReplayStep]:
     """Send the requests of a recorded client to a controller, in the same order.
 
     Undefined opcodes and malformed frames are never sent. Each request waits for the reply to the
-    one before.
+    one before, and for the final results before it in the capture.
 
     Args:
         capture: An MCAP recording, or a pcap or pcapng.
@@ -50,9 +53,11 @@ def replay(  # noqa: PLR0913 - independent options
         reply_timeout_s: How long to wait for a reply, in seconds.
         speed: Speed relative to the capture, for example 2 for twice as fast; None sends without
             pauses.
+        max_gap_s: The longest pause between two messages of the capture, in seconds.
+        progress: Called from time to time with the bytes read so far and the size of the file.
 
     Yields:
-        Each message of the client, after it was sent or skipped.
+        Each message of the client, after it was sent or skipped, and each final result.
 
     Raises:
         CaptureError: The capture cannot be read.
@@ -67,14 +72,19 @@ def replay(  # noqa: PLR0913 - independent options
         if needs_login:
             _log_in(link, password, reply_timeout_s)
         plan = capture_replay.plan_steps(source, connection, {Hazard.READ_ONLY, *allowed})
-        yield from capture_replay.replay(plan, link, reply_timeout_s=reply_timeout_s, speed=speed)
+        size_bytes = capture.stat().st_size
+        for step in capture_replay.replay(
+            plan, link, reply_timeout_s=reply_timeout_s, speed=speed, max_gap_s=max_gap_s
+        ):
+            progress(source.summary.read_bytes, size_bytes)
+            yield step
 
 
 def _log_in(link: Link, password: str, reply_timeout_s: float) -> None:
     frame = Frame(A2C, _LOGIN.opcode, _LOGIN.request.encode(password.encode()))
     steps = (ReplayStep("login", 0, frame),)
     (step,) = capture_replay.replay(steps, link, reply_timeout_s=reply_timeout_s)
-    if step.new_reply != "yes":
+    if step.new_reply != _ACCEPTED:
         raise LoginFailedError(
             UserMessage("the controller refuses the password: name another with --password")
             if step.new_reply

@@ -44,7 +44,7 @@ class RunFolder:
         path: The folder; None if nothing is written.
 
     Raises:
-        RunFolderError: The folder contains the results of another run.
+        RunFolderError: The folder contains the results of another run, or is a file.
         OSError: The folder cannot be created.
     """
 
@@ -152,11 +152,13 @@ class RunFolder:
 
 
 def require_unused(path: Path) -> None:
-    """Require that a folder has no results of another run.
+    """Require that a path is no file, and no folder with results of another run.
 
     Raises:
-        RunFolderError: It has some.
+        RunFolderError: It is.
     """
+    if path.exists() and not path.is_dir():
+        raise RunFolderError(UserMessage("{path} is not a folder: name another one", path=path))
     if existing := _results_in(path):
         raise RunFolderError(
             UserMessage(
@@ -180,11 +182,11 @@ def write_results(results: Results, folder: Path) -> None:
     """Write results that need no recording, such as merged ones, into a folder without results.
 
     Raises:
-        RunFolderError: The folder contains results.
+        RunFolderError: The folder contains results, or is a file.
         OSError: The folder cannot be created, or a report cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     require_unused(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     for name, write in _writers().items():
         write(results, folder / name)
 

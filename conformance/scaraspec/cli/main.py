@@ -26,6 +26,7 @@ COMMANDS = {
     "controller": "Run the virtual controller.",
     "convert": "Convert a capture to another format.",
     "demo": "Record and judge a complete session with the virtual controller.",
+    "dissector": "Show the protocol in Wireshark.",
     "driver-check": "Check the driver of a client.",
     "exchanges": "Show the dialogue in a capture as text or tables.",
     "frame": "Explain frames given as hexadecimal digits.",

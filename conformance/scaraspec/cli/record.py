@@ -40,6 +40,8 @@ from scaraspec_recorder.config import (
     read_robot,
 )
 from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, LineDisplay
+from scaraspec_recorder.monitoring.health import health_problems
+from scaraspec_recorder.monitoring.service_manager import ALIVE, READY, STOPPING, notify
 from scaraspec_recorder.monitoring.status import Status, StatusReader
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.recordings.triggers import SIGNAL
@@ -64,6 +66,7 @@ _GROUPS: Final = {
         "keep",
         "min_free",
         "file_mode",
+        "durable",
         "no_rrd",
         "redact",
         "timestamps",
@@ -71,9 +74,9 @@ _GROUPS: Final = {
         "on_trigger",
         "protect",
     ),
-    "Watching": ("live", "metrics"),
+    "Watching": ("live", "metrics", "check"),
 }
-_OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one robot
+_OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong to one robot
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
@@ -103,6 +106,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
+@click.option("--durable", is_flag=True, help="Lose 1 s at most if the power fails.")
 @click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
@@ -127,6 +131,7 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one rob
 @click.option(
     "--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics, on this machine only."
 )
+@click.option("--check", metavar="DIR", help="Only check the recorder that writes into a folder.")
 @click.option("--inject", metavar="FILE", help="Inject the faults of a TOML file.")
 @click.option("--i-mean-it", is_flag=True, help="Inject even if other machines can connect.")
 def command(url: str | None, **options: Any) -> None:
@@ -136,6 +141,9 @@ def command(url: str | None, **options: Any) -> None:
     or --min-free it writes several files, named by time and robot; the default is then one file an
     hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
     """
+    if options["check"]:
+        _check(Path(options["check"]))
+        return
     try:
         robots = _robots(url, options)
         for robot in robots:
@@ -147,6 +155,20 @@ def command(url: str | None, **options: Any) -> None:
     except (ConfigError, UrlError) as error:
         raise Problem(str(error)) from None
     _print_summary([watch.read_status() for watch in watches])
+
+
+def _check(out_dir: Path) -> None:
+    """Print whether the recorder of a folder records.
+
+    Raises:
+        SystemExit: It does not (exit status 3).
+    """
+    problems = health_problems(out_dir)
+    for problem in problems:
+        click.echo(problem)
+    if problems:
+        raise SystemExit(ExitStatus.INCONCLUSIVE)
+    click.echo(f"a recorder writes into {out_dir}")
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
@@ -209,13 +231,14 @@ async def _record(
         if stopped.is_set() and insists(number):
             whole.cancel()
         stopped.set()
+        notify(STOPPING)
 
     with_signal: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
         for number in ending_signals():
             loop.add_signal_handler(number, end, number)
         loop.add_signal_handler(signal.SIGUSR1, _ask, with_signal)
-    showing = loop.create_task(_show(watches, stopped))
+    showing = loop.create_task(_show(watches, len(robots), stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for robot in robots:
@@ -294,8 +317,9 @@ def _missing(robot: RobotConfig, recording: Recording) -> str:
     return ""
 
 
-async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None:
-    """Show the status of the recordings until cancelled."""
+async def _show(watches: Sequence[StatusReader], recordings: int, stopped: asyncio.Event) -> None:
+    """Show the status of the recordings until cancelled, and report it to a service manager."""
+    ready = False
     console = Console()
     display: Display = Dashboard(console) if console.is_terminal else LineDisplay(click.echo)
     period_s = _DASHBOARD_S if console.is_terminal else _LINES_S
@@ -303,6 +327,10 @@ async def _show(watches: Sequence[StatusReader], stopped: asyncio.Event) -> None
         while True:
             statuses = [watch.read_status() for watch in watches]
             display.update(statuses, ending=stopped.is_set())
+            notify(ALIVE)
+            if not ready and len(watches) == recordings:
+                ready = True
+                notify(READY)
             await asyncio.sleep(period_s)
 
 

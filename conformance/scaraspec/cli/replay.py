@@ -6,17 +6,19 @@ from pathlib import Path
 import click
 
 from scaraspec.api.replaying import LoginFailedError, replay
-from scaraspec.cli.options import Real, capture_port, password_option
+from scaraspec.cli.options import Duration, Real, capture_port, password_option
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.progress_bar import shown_share
 from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import UrlError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.replay import LinkEndedError, ReplayStep
+from scaraspec_recorder.replay import MAX_GAP_S, LinkEndedError, ReplayStep
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
@@ -27,19 +29,22 @@ class _Tally:
     """Counts of sent and skipped messages, and of replies that differ."""
 
     def __init__(self) -> None:
-        self._sent = self._different = 0
+        self._sent = self._results = self._different = 0
         self._skipped: Counter[tuple[str, str]] = Counter()
         self._shown: list[str] = []
 
     def add(self, step: ReplayStep) -> None:
-        if not step.frame:
+        """Add a step that is done."""
+        if step.is_result:
+            self._results += 1
+        elif step.frame:
+            self._sent += 1
+        else:
             self._skipped[step.name, step.reason] += 1
-            return
-        self._sent += 1
         if step.differs:
             self._different += 1
             if len(self._shown) < _MAX_SHOWN:
-                now = step.new_reply or "no reply"
+                now = step.new_reply or f"no {'final result' if step.is_result else 'reply'}"
                 self._shown.append(f"{step.name}: {now}, recorded: {step.recorded_reply}")
 
     def report(self, connection: str) -> None:
@@ -54,10 +59,10 @@ class _Tally:
         )
         for (name, reason), count in self._skipped.most_common():
             click.echo(f"  skipped {count} {name} ({reason})")
-        equal = self._sent - self._different
+        equal = self._sent + self._results - self._different
         click.echo(f"{equal} replies as in the capture, {self._different} different")
         for line in self._shown:
-            click.echo(f"  {line}")
+            click.echo(visible_line(f"  {line}"))
         if self._different > len(self._shown):
             click.echo(f"  and {self._different - len(self._shown)} more")
         if not self._sent:
@@ -82,6 +87,15 @@ class _Tally:
     help="Keep the times of the capture, FACTOR times as fast; without it, send at once.",
 )
 @click.option(
+    "--max-gap",
+    "max_gap_s",
+    type=Duration(),
+    default=MAX_GAP_S,
+    show_default="60s",
+    metavar="DURATION",
+    help="With --speed, the longest pause of the capture that is kept.",
+)
+@click.option(
     "--connection", default="1", show_default=True, help="Number of the connection in the capture."
 )
 @password_option(DEFAULT_PASSWORD, "Password for the login over TCP")
@@ -99,6 +113,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     url: str,
     allow: str,
     speed: float | None,
+    max_gap_s: float,
     connection: str,
     password: str,
     timeout_s: float,
@@ -107,24 +122,29 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     """Send the requests of the client in CAPTURE to the controller at URL, in the same order.
 
     Only read-only requests are sent, unless --allow permits more. Undefined opcodes and malformed
-    frames are never sent. The command logs in first, with --password. It prints what was skipped
-    and which replies are of another kind than in the capture. Values are not compared.
+    frames are never sent. The command logs in first, with --password. Before a request it waits for
+    the final results that came before it in the capture. It prints what was skipped, and which
+    replies have another meaning than in the capture; times, temperatures within 5 °C and poses
+    within 0.2 mm are equal.
 
     Exit status: 0 all replies equal, 1 some differ, 3 link lost, 4 nothing was sent.
     """
     tally = _Tally()
     try:
-        for step in replay(
-            capture,
-            url,
-            allowed=_hazards(allow),
-            password=password,
-            connection=connection,
-            port=port,
-            reply_timeout_s=timeout_s,
-            speed=speed,
-        ):
-            tally.add(step)
+        with shown_share("replaying") as progress:
+            for step in replay(
+                capture,
+                url,
+                allowed=_hazards(allow),
+                password=password,
+                connection=connection,
+                port=port,
+                reply_timeout_s=timeout_s,
+                speed=speed,
+                max_gap_s=max_gap_s,
+                progress=progress,
+            ):
+                tally.add(step)
     except (CaptureError, PayloadError, UrlError) as error:
         raise Problem(str(error)) from None
     except LinkEndedError as error:

@@ -1,11 +1,15 @@
-"""Tolerances: the maximum difference between two reported poses or numbers that count as equal."""
+"""Tolerances: when two reported poses, numbers or replies count as equal."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 STANDSTILL: Final = 0.2
 """Largest difference, in mm or degrees, between two reported values of an arm at rest."""
 
+_MAX_TEMPERATURE_DIFFERENCE: Final = 5.0
+"""In °C: two motors that report this are about as warm."""
+
+_POSES: Final = ("get_tool_coordinates", "get_joint_angles")
 _FULL_TURN_DEG: Final = 360.0
 _FIRST_ANGLE: Final = 3
 """Index of the first angle of a pose; the values before it are x, y and z."""
@@ -46,3 +50,28 @@ def read_back(reported: Sequence[float], values: Sequence[float]) -> bool:
         abs(number - value) <= (_SINGLE_PRECISION if round(value, 1) == value else _ONE_DECIMAL)
         for number, value in zip(reported, values, strict=True)
     )
+
+
+def same_meaning(command: str, a: Any, b: Any) -> bool:
+    """Return whether two decoded replies to a command report the same.
+
+    Times may differ. Temperatures are equal within 5 °C, poses within `STANDSTILL`.
+
+    Args:
+        command: The name of the command.
+        a: A value; None if it could not be decoded.
+        b: Another value.
+    """
+    if a is None or b is None:
+        return a is b
+    if command == "get_time":
+        return True
+    if command == "get_running_program":
+        return bool(getattr(a, "name", a) == getattr(b, "name", b))
+    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
+        if command == "get_motor_temperatures":
+            pairs = zip(a, b, strict=True)
+            return all(abs(x - y) <= _MAX_TEMPERATURE_DIFFERENCE for x, y in pairs)
+        if command in _POSES:
+            return max_deviation(a, b) <= STANDSTILL
+    return bool(a == b)

@@ -77,7 +77,11 @@ class Diagnostics:
         self.issues.append(DecodeIssue(defect, text))
 
 
-def show(data: bytes, limit: int = 60) -> str:
+SHOWN_CHARACTERS: Final = 60
+"""Bytes are shown as text of at most so many characters."""
+
+
+def show(data: bytes, limit: int = SHOWN_CHARACTERS) -> str:
     """Return bytes as printable text: UTF-8, else GB18030, else Latin-1 (A-T-2).
 
     Unprintable characters are escaped. A text longer than `limit` characters is cut.

@@ -80,7 +80,8 @@ def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: 
             style = _STYLES.get(verdict.replace(" ", "-"), "bold magenta")
             table.add_row(_text(verdict, style), *map(_text, texts))
         else:
-            console.print(_text(" · ".join(filter(None, (verdict, *texts)))), soft_wrap=True)
+            line = " · ".join(filter(None, (verdict, *texts)))
+            console.print(Text(visible_line(line)), soft_wrap=True)
     if console.is_terminal:
         console.print(table)
     counts = Counter(verdict for _, verdict, *_ in rows)

@@ -5,19 +5,16 @@ that occur: how often a client polls says nothing about the controller. A pure f
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 from typing import Any, Final, NamedTuple
 
-from scaraspec.judge.tolerances import STANDSTILL, max_deviation
+from scaraspec.judge.tolerances import same_meaning
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec_recorder.sinks import text as event_text
-
-_MAX_TEMPERATURE_DIFFERENCE: Final = 5.0
-"""In °C: two motors that report this are about as warm."""
 
 _POSES: Final = frozenset({"get_tool_coordinates", "get_joint_angles"})
 _TRANSFERS: Final = frozenset({"upload_chunk", "download_chunk"})
@@ -125,8 +122,8 @@ class CaptureComparison:
 def compare_dialogues(before: Dialogue, after: Dialogue) -> DialogueComparison:
     """Compare the dialogues of two captures.
 
-    Times do not count. Temperatures are equal within 5 °C, and poses of a robot at rest within
-    `STANDSTILL`. A query that only one of the captures has is no difference.
+    Values are equal as in `same_meaning`; poses count only while no command executes. A query that
+    only one of the captures has is no difference.
     """
     outcomes, actions = _compare_actions(before.actions, after.actions)
     return DialogueComparison(
@@ -169,22 +166,15 @@ def _counted(changes: Counter[Change]) -> list[Change]:
 def _compare_replies(before: Dialogue, after: Dialogue) -> Iterator[Change]:
     for request in sorted(before.replies.keys() & after.replies.keys()):
         old, new = before.replies[request], after.replies[request]
-        same = _EQUALITY.get(request.split(" ", 1)[0])
-        gone = [text for value, text in old.items() if not _occurs(value, new, same)]
-        added = [text for value, text in new.items() if not _occurs(value, old, same)]
+        command = request.partition(" ")[0]
+        gone = [text for value, text in old.items() if not _occurs(command, value, new)]
+        added = [text for value, text in new.items() if not _occurs(command, value, old)]
         if gone or added:
             yield Change(request, _some(gone), _some(added))
 
 
-def _occurs(value: Any, others: dict[Any, str], same: Callable[[Any, Any], bool] | None) -> bool:
-    if value in others:
-        return True
-    return same is not None and any(_safely(same, value, other) for other in others)
-
-
-def _safely(same: Callable[[Any, Any], bool], value: Any, other: Any) -> bool:
-    """Compare two values; a missing or undecodable one equals no other."""
-    return isinstance(value, tuple) and isinstance(other, tuple) and same(value, other)
+def _occurs(command: str, value: Any, others: dict[Any, str]) -> bool:
+    return value in others or any(same_meaning(command, value, other) for other in others)
 
 
 def _some(texts: list[str], limit: int = 3) -> str:
@@ -200,32 +190,11 @@ def _outcome(exchange: Exchange) -> str:
 
 
 def _value(exchange: Exchange) -> Any:
-    """Return what of a reply is compared: its decoded value, without what changes with time."""
+    """Return what of a reply is compared: its decoded value, or how the exchange ended."""
     value = exchange.reply_value
-    match exchange.name:
-        case "get_time":
-            return value is not None
-        case "list_programs" if exchange.ending is Ending.ANSWERED:
-            parts = (part.value for part in exchange.parts if part.value)
-            return tuple(name for part in parts for name in part.names)
-        case "get_running_program" if value is not None:
-            return getattr(value, "name", value)
-        case _:
-            usable = exchange.ending is Ending.ANSWERED and value is not None
-            return value if usable else _outcome(exchange)
-
-
-def _similar_temperatures(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return all(abs(x - y) <= _MAX_TEMPERATURE_DIFFERENCE for x, y in zip(a, b, strict=True))
-
-
-def _similar_poses(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-    return max_deviation(a, b) <= STANDSTILL
-
-
-_EQUALITY: Final[dict[str, Callable[[Any, Any], bool]]] = {
-    "get_motor_temperatures": _similar_temperatures,
-    "get_tool_coordinates": _similar_poses,
-    "get_joint_angles": _similar_poses,
-}
-"""When two replies to a query count as equal; other replies must be identical."""
+    if exchange.ending is not Ending.ANSWERED or value is None:
+        return _outcome(exchange)
+    if exchange.name == "list_programs":
+        parts = (part.value for part in exchange.parts if part.value)
+        return tuple(name for part in parts for name in part.names)
+    return value

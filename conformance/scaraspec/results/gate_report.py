@@ -47,7 +47,7 @@ def lines(result: GateResult) -> Iterator[str]:
         yield f"{case.verdict.value} · {case.id} · {case.message}"
     if result.not_run:
         yield UserMessage(
-            "inconclusive · --fail-fast · {count} cases did not run", count=result.not_run
+            "inconclusive · --fail-fast · cases that did not run: {count}", count=result.not_run
         )
     for case_id, why in result.accepted.items():
         yield f"accepted · {case_id} · {why}"

@@ -55,5 +55,5 @@ def test_examples(controller: str, tmp_path: Path) -> None:
     assert audited.startswith("no-violation-found Only the controller is judged.")
     assert "\nget_version  1.0.0 " in read
     assert read.endswith("['file', 'number', 'connection']\n")
-    assert "get_version answered -> answered" in replayed
+    assert "get_version 1.0.0 -> 1.0.0" in replayed
     assert proved.startswith("{'faults': 1, 'killed': 1, ")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.api.run_folder import RunFolder, RunFolderError
+from scaraspec.api.run_folder import RunFolder, RunFolderError, write_results
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report import html
 from scaraspec.report.model import Results, Role, Subject, Tool
@@ -42,3 +42,14 @@ def test_other_reports_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert {"results.json", "junit.xml", "ctrf.json"} <= names
     assert not names & {"report.html", ".results.reserve"}
     assert Results.read(folder / "results.json") == RESULTS
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    """The file stays as it is."""
+    file = tmp_path / "out"
+    file.write_text("mine", "utf-8")
+    with pytest.raises(RunFolderError, match="is not a folder: name another one"):
+        RunFolder(file, Role.CONTROLLER, Ics())
+    with pytest.raises(RunFolderError, match="is not a folder: name another one"):
+        write_results(RESULTS, file)
+    assert file.read_text("utf-8") == "mine"

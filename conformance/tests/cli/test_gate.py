@@ -11,8 +11,8 @@ import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped] # it has no types
 from results_of_run import FAILED, PASSED, SEEN, failed, results_of
 
-from scaraspec.judge.verdicts import Conclusion
-from scaraspec.report.model import Results
+from scaraspec.judge.verdicts import Conclusion, Reason, Verdict
+from scaraspec.report.model import Case, Results, Role
 
 WAIVER = """[[waiver]]
 {name}
@@ -145,6 +145,48 @@ def test_waivers(
     assert problem in text
 
 
+REPAIRED = Case("4.15/3", ("4.15/3",), Verdict.PASS)
+UNSURE = Case("4.9/2", ("4.9/2",), Verdict.INCONCLUSIVE, message="the link was lost")
+NOT_RUN = replace(PASSED, verdict=Verdict.NONE, reason=Reason.FAIL_FAST, message="--fail-fast")
+
+
+@pytest.mark.parametrize(
+    ("now", "expected", "line"),
+    [
+        (results_of(PASSED, FAILED), 0, "gate passed"),
+        (results_of(PASSED, REPAIRED), 0, "fixed · 4.15/3"),
+        (results_of(PASSED, failed("4.15/3", "no code")), 1, "changed failure · 4.15/3"),
+        (results_of(PASSED, FAILED, SEEN), 1, "new failure · 3/18.seen-1"),
+        (results_of(FAILED), 1, "lost case · 4.8/1"),
+        (replace(results_of(PASSED, FAILED), requirements=()), 1, "lost requirement · 4.8/1"),
+        (replace(results_of(PASSED, FAILED), role=Role.CLIENT), 1, "other settings · role"),
+        (results_of(PASSED, FAILED, UNSURE), 3, "inconclusive · 4.9/2 · the link was lost"),
+        (results_of(FAILED, UNSURE), 1, "gate failed: 2 problems"),
+    ],
+)
+def test_compared_with_a_baseline(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path, now: Results, expected: int, line: str
+) -> None:
+    """Each problem has exit status 1, which wins over 3 for what is inconclusive."""
+    baseline, results = written(tmp_path / "results.json", PASSED, FAILED), tmp_path / "now.json"
+    now.write(results)
+    status, text = gate(results, "--baseline", baseline)
+    assert status == expected
+    assert f"\n{line}" in f"\n{text}"
+
+
+def test_nothing_is_accepted_without_a_run(
+    gate: Callable[..., tuple[int, str]], tmp_path: Path
+) -> None:
+    """Nothing tested, and a run that --fail-fast ended after an accepted failure."""
+    status, text = gate(written(tmp_path / "none.json"))
+    assert (status, text.startswith("gate nothing was tested")) == (4, True)
+    waivers = tmp_path / "waivers.toml"
+    waivers.write_text(WAIVER.format(name='case = "4.15/3"', expires="2999-01-01"), "utf-8")
+    status, text = gate(written(tmp_path / "fast.json", FAILED, NOT_RUN), "--waivers", waivers)
+    assert (status, "inconclusive · --fail-fast · cases that did not run: 1" in text) == (3, True)
+
+
 def test_errors(refused: Callable[..., str], tmp_path: Path) -> None:
     """One sentence each, exit status 2; nothing is written."""
     results = str(written(tmp_path / "results.json", PASSED))
@@ -262,6 +304,14 @@ def test_hostile_text(
     assert HOSTILE in json.loads(files[2].read_text("utf-8"))["results"]["tests"][0]["message"]
     (entry,) = json.loads(files[3].read_text("utf-8"))
     assert HOSTILE in entry["description"]
+
+
+def test_old_results(refused: Callable[..., str], tmp_path: Path) -> None:
+    """Failures without fingerprints cannot be compared; the file is named."""
+    old = f"{written(tmp_path / 'old.json', replace(FAILED, fingerprint=''))}"
+    new = f"{written(tmp_path / 'new.json', FAILED)}"
+    for arguments in (("gate", old), ("gate", new, "--baseline", old), ("compare", new, old)):
+        assert "old.json: the results are of an old version of scaraspec" in refused(*arguments)
 
 
 def test_inconclusive_results_are_no_baseline(

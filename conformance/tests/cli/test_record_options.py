@@ -22,6 +22,7 @@ from scaraspec.client import Client
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.monitoring.health import health_problems
 from scaraspec_recorder.sources.capture import open_capture
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.locks import spool_folder
@@ -150,6 +151,48 @@ def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path
     assert recorder.returncode == 0, printed
     assert "UTC: connection 1 closed\n" in printed
     assert marks(tmp_path / "capture.mcap") == ["disconnect: connection 1 closed"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX system")
+def test_a_durable_recording(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Its spool is beside the files, and is removed at the end."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path), "--durable")
+    url = url_in(recorder.stdout.readline())
+    assert (tmp_path / ".spool").is_dir()
+    ask(url)
+    told = end(recorder)
+    assert recorder.returncode == 0, told
+    assert not (tmp_path / ".spool").exists()
+    assert list(open_capture(tmp_path / "capture.mcap", port=None))
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="needs Unix sockets")
+def test_a_service(
+    processes: Any, controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It reports that it is ready, alive and stopping. A health check succeeds while it runs."""
+    address, out = str(tmp_path / "notify"), str(tmp_path / "out")
+    monkeypatch.setenv("NOTIFY_SOCKET", address)
+    assert processes.run("record", "--check", out).returncode == 3
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.settimeout(DEADLINE_S)
+        manager.bind(address)
+        recorder = processes.start("record", controller, *LOCAL, "--out", out)
+        url = url_in(recorder.stdout.readline())
+        states = [manager.recv(100) for _ in range(4)]
+        assert states.count(b"READY=1") == 1
+        assert states.count(b"WATCHDOG=1") == 3
+        ask(url)
+        until_s = time.monotonic() + DEADLINE_S
+        while health_problems(Path(out)):  # its writing process starts
+            assert time.monotonic() < until_s
+        checked = processes.run("record", "--check", out)
+        assert (checked.returncode, checked.stdout) == (0, f"a recorder writes into {out}\n")
+        recorder.send_signal(signal.SIGTERM)
+        while manager.recv(100) != b"STOPPING=1":
+            pass
+        recorder.communicate(timeout=DEADLINE_S)
+    assert processes.run("record", "--check", out).returncode == 3
 
 
 @pytest.mark.parametrize("rotate", [(), ("--rotate", "1h", "--keep", "30d", "--protect", "5m")])

@@ -158,7 +158,7 @@ CASES = (
         "login\n> gap 4\n> get_time\n< 08 1\n> get_status\n< get_status 00\n+11\n> get_status",
     ),
     ("3/12", "pass", RUN),
-    ("3/12", "fail", "login\n> run_program a.rob\n< run_program 1\n< run_program 11"),
+    ("3/12", "fail 4.15/5", "login\n> run_program a.rob\n< run_program 1\n< run_program 11"),
     ("3/14", "pass", RUN),
     ("3/14", "tolerated A-3-6=90 09", "login\n> get_status\n< get_status 00\n<90 09 00"),
     ("3/15", "pass", QUERY),
@@ -192,7 +192,7 @@ CASES = (
     ("3/18", "fail", RUN + "<90 run_program 11"),
     (
         "3/18",
-        "fail",
+        "fail 4.15/5",
         """
         login
         > run_program a.rob
@@ -206,7 +206,7 @@ CASES = (
     ),
     (
         "3/18",
-        "fail",
+        "fail 4.18/4",
         "login\n> reset\n< reset 1\n> get_status\n< get_status 00\n+6\n> close",
     ),
     ("3/18", "inconclusive", "login\n> reset\n< reset 1\n< gap 7\n> get_status\n< get_status 00"),

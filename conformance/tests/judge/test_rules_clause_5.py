@@ -60,6 +60,7 @@ UNLISTED = """
     > get_time
     < get_time 20260101000000
 """
+REFUSED_FETCH = "\n> download_name a.bin\n< download_name 0"
 UNLISTED_CONTENT = "< chunk 0/20\n> download_chunk 1\n"
 _POLL = "> get_status\n< get_status 00\n"
 
@@ -77,9 +78,9 @@ CASES = (
     ("5.1/4", "fail 5.1/8", up("chunk 1/300 len=200")),
     ("5.1/4", "fail 5.1/8", down("chunk 200/300 len=100")),
     ("5.1/5", "pass", UPLOAD),
-    ("5.1/5", "fail 5.4/3", up("chunk 0/300 len=201")),
+    ("5.1/5", "fail 5.2/10 5.4/3", up("chunk 0/300 len=201")),
     ("5.1/6", "pass", UPLOAD),
-    ("5.1/6", "fail", up("chunk 0/300", "chunk 200/300 len=101")),
+    ("5.1/6", "fail 5.2/10", up("chunk 0/300", "chunk 200/300 len=101")),
     ("5.1/7", "pass", UPLOAD),
     ("5.1/7", "none 5.1/8", up("chunk 0/700", "chunk 400/700", "chunk 600/700")),
     ("5.1/8", "pass", DOWNLOAD),
@@ -223,6 +224,10 @@ CASES = (
     ),
     # If the file is empty, no chunk follows (A-5-10).
     ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
+    ("5.2/12", "fail", UPLOAD + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + DELETE.format(1) + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + "+61" + REFUSED_FETCH),
+    ("5.2/12", "none", UPLOAD + "> run_program b\n< run_program 1" + REFUSED_FETCH),
     ("5.3/8", "pass", down("chunk 0/300", "chunk 200/300 len=0").replace("_chunk 1", "_chunk 0")),
     ("5.3/8", "fail", down("chunk 0/300", "chunk 200/300 len=0")),
     ("5.3/8", "fail", down("download_chunk ")),
@@ -265,7 +270,7 @@ CASES = (
     ("5.4/2", "pass", UPLOAD + AGAIN.format(0)),
     ("5.4/2", "fail 5.1/10 5.2/3", UPLOAD + AGAIN.format(1)),
     ("5.4/3", "pass", UPLOAD),
-    ("5.4/3", "fail 5.1/5", up("chunk 0/300 len=201")),
+    ("5.4/3", "fail 5.1/5 5.2/10", up("chunk 0/300 len=201")),
 )
 
 PASSES_ONLY = {

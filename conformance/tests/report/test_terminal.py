@@ -69,12 +69,12 @@ def test_passes_are_not_listed(audited: Callable[[str], Results]) -> None:
     """Of a conforming capture, the summary shows the coverage and what was not judged."""
     conforming = audited("plant-a-morning-shift")
     lines = shown(conforming).splitlines()
-    coverage = "no violation found (238 of 307 requirements judged)"
+    coverage = "no violation found (238 of 318 requirements judged)"
     assert lines[0] == f"{coverage}: plant-a-morning-shift.pcapng"
-    assert "69 not judged: no traffic that shows it" in lines
+    assert "80 not judged: no traffic that shows it" in lines
     (unjudged, *_) = (each.id for each in conforming.requirements if not each.decided)
     lines = shown(replace(conforming, undecided={unjudged: 2})).splitlines()
-    assert "68 not judged: no traffic that shows it" in lines
+    assert "79 not judged: no traffic that shows it" in lines
     assert "1 not judged: the traffic does not decide it" in lines
     assert not [line for line in lines if line.startswith("pass")]
 
@@ -96,6 +96,16 @@ def test_hostile_text(hostile: Results, *, as_terminal: bool) -> None:
     assert "\x00" not in text
     assert re.sub(r"\x1b\[[0-9;]*m", "", text).count("\x1b") == 0
     assert as_terminal or "\x1b" not in text
+
+
+def test_no_command_of_a_ci_system(full: Results) -> None:
+    """Text of the subject starts no line of plain output, for one capture and for several."""
+    named = replace(full, subject=replace(full.subject, name="cell\n::error::done ##[group]"))
+    output = io.StringIO()
+    console = Console(file=output, force_terminal=False)
+    terminal.show_captures([("cell\n::error::done ##[group]", named, "")], console)
+    for text in (shown(named), output.getvalue()):
+        assert "cell⟨U+000A⟩::error::done #⟨U+0023⟩[group]" in text
 
 
 def test_a_long_comparison_is_truncated(full: Results) -> None:

@@ -13,7 +13,7 @@ from typing import Final
 
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.sinks.sink_runner import Progress
-from scaraspec_recorder.spool.spool import WriteStall, unread_bytes
+from scaraspec_recorder.spool.spool import WriteStall, checkpoint_time_s, unread_bytes
 
 STALL_S: Final = 5.0
 """Time without acknowledgment after which writing counts as stalled; normal are four per second."""
@@ -124,7 +124,6 @@ class StatusReader:
 
     def _last_acknowledged_s(self) -> float:
         """Return the time of the last acknowledgment."""
-        with suppress(FileNotFoundError):  # deleted at the end
-            for acknowledged in self._recording.spool.glob("*.json"):
-                self._acknowledged_s = max(self._started_s, acknowledged.stat().st_mtime)
+        if written_s := checkpoint_time_s(self._recording.spool):  # deleted at the end
+            self._acknowledged_s = max(self._started_s, written_s)
         return self._acknowledged_s

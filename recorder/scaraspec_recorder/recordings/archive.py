@@ -1,5 +1,6 @@
 """The sink of a long-running recorder: combines rotation, marks, retention and the index."""
 
+import logging
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -7,6 +8,7 @@ from dataclasses import dataclass, field
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.forecast import Forecast
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import RecordingFolder, session_metadata
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
@@ -19,6 +21,8 @@ from scaraspec_recorder.sinks.own_files import remove_temporary_files
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
 from scaraspec_recorder.units import Limits, show_size
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +103,8 @@ def archive_sink(
     outputs = with_marks([rotation], archive.triggers, folder, command)
     redactor = Redactor() if archive.redact else None
     decoder = Decoder(outputs, judge, redactor, ClockWatch())
-    return _Retained(decoder, retention, recording_folder, _too_little(archive))
+    forecast = Forecast(folder.path, archive.keep, free_bytes)
+    return _Retained(decoder, retention, recording_folder, _too_little(archive), forecast)
 
 
 def _too_little(archive: Archive) -> str:
@@ -113,12 +118,18 @@ class _Retained:
     """A sink that enforces retention; if the disk stays full, it closes its files."""
 
     def __init__(
-        self, sink: Sink, retention: Retention, recording_folder: RecordingFolder, too_little: str
+        self,
+        sink: Sink,
+        retention: Retention,
+        recording_folder: RecordingFolder,
+        too_little: str,
+        forecast: Forecast,
     ) -> None:
         self._sink = sink
         self._retention = retention
         self._folder = recording_folder
         self._too_little = too_little
+        self._forecast = forecast
         self._looked_ns = 0
         self._full = False
 
@@ -141,6 +152,8 @@ class _Retained:
         if 0 <= now_ns - self._looked_ns < PERIOD_NS:
             return
         self._looked_ns = now_ns
+        if text := self._forecast.text(now_ns):
+            _log.warning("forecast: %s", text)
         if not self._retention.enforce(
             now_ns, self._folder.unlisted_bytes, self._folder.unlisted_marks
         ):

@@ -125,9 +125,12 @@ class TriggerMarks:
             self._command.close()
 
     def _check_clock(self) -> bool:
-        """Whether the clock was set recently. Events from before the step may still follow."""
+        """Whether the clock was set, or the machine suspended, recently.
+
+        Events from before may still follow.
+        """
         elapsed_ns = self._clock.elapsed_ns()
-        if self._clock.step_ns():
+        if self._clock.step_ns() or self._clock.suspended_ns():
             self._stepped_ns = elapsed_ns
         recent = self._stepped_ns is not None and elapsed_ns - self._stepped_ns < _STEP_WAIT_NS
         if recent:

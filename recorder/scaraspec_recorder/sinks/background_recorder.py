@@ -51,6 +51,7 @@ class BackgroundRecorder:
                     out_dir,
                     tuple(sinks),
                     PRIVATE_MODE,
+                    False,  # noqa: FBT003 - the arguments of a process
                     far,
                 )
             self._lock_stack = stack.pop_all()

@@ -1,7 +1,7 @@
-"""Detects steps of the system clock, such as by NTP or by an operator.
+"""Detects steps of the system clock, such as by NTP or by an operator, and suspends of the machine.
 
 The wall clock is compared with a clock that only counts the elapsed time, also while the machine is
-suspended.
+suspended. That clock is compared with one that stops then.
 """
 
 import time
@@ -29,17 +29,22 @@ class ClockWatch:
     Args:
         wall_ns: The clock that may be set.
         elapsed_ns: The clock that counts the elapsed time.
+        awake_ns: The same without the time for which the machine was suspended.
     """
 
     def __init__(
         self,
         wall_ns: Callable[[], int] = time.time_ns,
         elapsed_ns: Callable[[], int] = elapsed_ns,
+        awake_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.elapsed_ns = elapsed_ns
         self._wall_ns = wall_ns
+        self._awake_ns = awake_ns
         self._offset_ns: int | None = None
+        self._asleep_ns: int | None = None
         self.step_ns()
+        self.suspended_ns()
 
     def step_ns(self) -> int:
         """Return by how much the wall clock was set since the last call; 0 if it was not set."""
@@ -50,3 +55,15 @@ class ClockWatch:
         step_ns = 0 if self._offset_ns is None else offset_ns - self._offset_ns
         self._offset_ns = offset_ns
         return step_ns if abs(step_ns) >= MIN_STEP_NS else 0
+
+    def suspended_ns(self) -> int:
+        """Return for how long the machine was suspended since the last call; 0 if it was not.
+
+        Linux only: other systems have no clock that counts this time.
+        """
+        awake_ns, elapsed_ns = self._awake_ns(), self.elapsed_ns()
+        if self._awake_ns() - awake_ns > _MAX_READ_NS:  # as above
+            return 0
+        before_ns, self._asleep_ns = self._asleep_ns, elapsed_ns - awake_ns
+        slept_ns = 0 if before_ns is None else self._asleep_ns - before_ns
+        return slept_ns if slept_ns >= MIN_STEP_NS else 0

@@ -72,7 +72,8 @@ class Decoder:
         outputs: The outputs; their exceptions are not caught.
         judge: Judges the traffic.
         redactor: Masks passwords in raw bytes; None to keep them.
-        clock: Detects steps of the clock, which are logged, also in the outputs; None for none.
+        clock: Detects steps of the clock and suspends of the machine, which are logged, also in the
+            outputs; None for none.
     """
 
     def __init__(
@@ -102,8 +103,13 @@ class Decoder:
     def tick(self, now_ns: int) -> None:
         """Make everything durable; `now_ns` since the Unix epoch."""
         self._flush()
-        if self._clock and (step_ns := self._clock.step_ns()):
-            self._mark_step(now_ns, step_ns)
+        if self._clock:
+            if step_ns := self._clock.step_ns():
+                way = "forward" if step_ns > 0 else "back"
+                self._mark(now_ns, f"the clock was set {way} by {show_duration(abs(step_ns))}")
+            if suspended_ns := self._clock.suspended_ns():
+                whole_ns = round(suspended_ns, -9)
+                self._mark(now_ns, f"the machine was suspended for {show_duration(whole_ns)}")
         for output in self._outputs:
             output.tick(now_ns)
 
@@ -123,9 +129,7 @@ class Decoder:
             **({"defect": self._defect} if self._defect else {}),
         }
 
-    def _mark_step(self, now_ns: int, step_ns: int) -> None:
-        way = "forward" if step_ns > 0 else "back"
-        text = f"the clock was set {way} by {show_duration(abs(step_ns))}"
+    def _mark(self, now_ns: int, text: str) -> None:
         _log.warning("%s", text)
         for output in self._outputs:
             output.mark(now_ns, LogLine(Level.WARN, "clock", text))

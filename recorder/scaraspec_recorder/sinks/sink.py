@@ -9,6 +9,7 @@ from typing import Protocol
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.spool.durability import sync
 
 TICK_NS = 250_000_000
 """Interval of `Sink.tick`: the maximum that a crash can cost a file."""
@@ -95,6 +96,17 @@ class OutputFolder:
         """Return the extra metadata of the next file, once; later calls return nothing."""
         news, self._metadata = self._metadata, {}
         return news
+
+    def sync(self) -> None:
+        """Write the captures that may have changed since the last tick through to the device.
+
+        A file lasts at least one tick, so these are the last two.
+
+        Raises:
+            OSError: The device failed.
+        """
+        captures = [name for name in self._files if name.endswith(".mcap")]
+        sync((*(self.path / name for name in captures[-2:]), self.path))
 
     def new(self, name: str) -> Path:
         """Create an empty file, ``name.ext`` or else ``name-2.ext``, ``name-3.ext`` …; return it.

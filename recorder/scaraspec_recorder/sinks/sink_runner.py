@@ -133,6 +133,7 @@ class SinkRunner:
         out_dir: Output folder of the sinks.
         sinks: Factories of the sinks.
         now_ns: The clock.
+        durable: Whether captures are on the device before their events are acknowledged.
 
     Raises:
         OSError: From every method, like `SinkFailed`: the environment failed. Discard this runner
@@ -146,8 +147,10 @@ class SinkRunner:
         sinks: Sequence[SinkFactory],
         *,
         now_ns: Callable[[], int] = time.time_ns,
+        durable: bool = False,
     ) -> None:
         self._reader = reader
+        self._durable = durable
         self._mark_requests: int = reader.state.get("asked", 0)
         self._now_ns = now_ns
         self._ticked_ns = now_ns()
@@ -228,6 +231,8 @@ class SinkRunner:
     def _acknowledge(self) -> None:
         if stall := self._reader.stall:
             _log.warning("writing continues: %s", _stall_text(stall))
+        if self._durable:
+            self._folder.sync()
         forgotten = self.progress.files[:-MAX_LISTED_FILES]
         self.progress.earlier_files += len(forgotten)
         del self.progress.files[: len(forgotten)]
@@ -240,8 +245,13 @@ class SinkRunner:
         self._reader.acknowledge(state)
 
 
-def run_writer(
-    spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], file_mode: int, line: socket.socket
+def run_writer(  # noqa: PLR0913, PLR0917 - the arguments of a process
+    spool: Path,
+    out_dir: Path,
+    sinks: Sequence[SinkFactory],
+    file_mode: int,
+    durable: bool,  # noqa: FBT001 - as above
+    line: socket.socket,
 ) -> None:
     """Main function of the writer process: write until the line is closed and the spool is empty.
 
@@ -260,8 +270,8 @@ def run_writer(
 
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-        with closing(SpoolReader(spool)) as reader:
-            runner = SinkRunner(reader, out_dir, sinks)
+        with closing(SpoolReader(spool, durable=durable)) as reader:
+            runner = SinkRunner(reader, out_dir, sinks, durable=durable)
             collect_rarely()
             complete = False
             while True:

@@ -38,7 +38,9 @@ from scaraspec.traffic.events import (
 from scaraspec.traffic.wire import WireRange
 
 SECRET: Final = "(password)"  # noqa: S105 - the replacement of a password
-_TEXT_LIMIT: Final = 200
+TEXT_LIMIT: Final = 200
+"""The text of a payload has at most so many characters."""
+
 _HEX_BYTES: Final = 24
 _SECOND_NS: Final = 1_000_000_000
 
@@ -86,7 +88,12 @@ def part_of(seen: FrameSeen) -> str:
 
 def frame_text(seen: FrameSeen) -> str:
     """Return the text of a frame's payload."""
-    return SECRET if is_secret(seen.frame) else _text(seen.frame)
+    return text_of(seen.frame)
+
+
+def text_of(frame: Frame) -> str:
+    """Return the text of a payload; no password is shown."""
+    return SECRET if is_secret(frame) else _text(frame)
 
 
 def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
@@ -195,7 +202,7 @@ def _text(frame: Frame) -> str:
     text = _value_text(parsed) if parsed else ""
     if not text and frame.data:
         text = show(frame.data)
-    return text if len(text) <= _TEXT_LIMIT else text[: _TEXT_LIMIT - 1] + "…"
+    return text if len(text) <= TEXT_LIMIT else text[: TEXT_LIMIT - 1] + "…"
 
 
 def _value_text(parsed: Parsed) -> str:

@@ -20,19 +20,26 @@ _PREFIX: Final = "scaraspec-"
 _LOCK: Final = "recorder.lock"
 
 
-def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
+def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES, *, durable: bool = False) -> Path:
     """Return the spool folder of recordings into `out_dir`; it is created if missing.
 
     The folder is in memory (/dev/shm) if possible, so that a slow or full disk does not affect the
-    tap; otherwise in `out_dir`.
+    tap; otherwise, and if it must be durable, in `out_dir`.
 
     Raises:
-        OSError: The folder cannot be created, or other users can access it.
+        OSError: The folder cannot be created, or other users can access it. Or it must be durable,
+            and an earlier recorder has left data in memory.
     """
-    on_disk = out_dir.resolve() / ".spool"
-    name = hashlib.sha256(os.fsencode(on_disk)).hexdigest()[:16]
-    in_memory = _MEMORY / f"{_PREFIX}{name}"
-    if not on_disk.exists() and (in_memory.exists() or _has_room(limit_bytes)):
+    on_disk, in_memory = _places(out_dir)
+    if durable and in_memory.is_dir() and unread_bytes(in_memory):
+        raise OSError(
+            UserMessage(
+                "{folder} has data of an earlier recording: start once without --durable to write "
+                "it",
+                folder=in_memory,
+            )
+        )
+    if not durable and not on_disk.exists() and (in_memory.exists() or _has_room(limit_bytes)):
         in_memory.mkdir(mode=0o700, exist_ok=True)
         found = in_memory.lstat()  # another user may have created it
         private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
@@ -45,6 +52,19 @@ def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
         return in_memory
     on_disk.mkdir(mode=0o700, parents=True, exist_ok=True)
     return on_disk
+
+
+def find_spool(out_dir: Path) -> Path | None:
+    """Return the spool folder of recordings into `out_dir`; None if there is none."""
+    on_disk, in_memory = _places(out_dir)
+    return next((folder for folder in (on_disk, in_memory) if folder.is_dir()), None)
+
+
+def _places(out_dir: Path) -> tuple[Path, Path]:
+    """Return the possible folders, on disk and in memory."""
+    on_disk = out_dir.resolve() / ".spool"
+    name = hashlib.sha256(os.fsencode(on_disk)).hexdigest()[:16]
+    return on_disk, _MEMORY / f"{_PREFIX}{name}"
 
 
 def _has_room(size_bytes: int) -> bool:
@@ -70,10 +90,10 @@ def lock_spool(spool: Path) -> int:
 
 
 @contextmanager
-def locked_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
+def locked_spool(out_dir: Path, limit_bytes: int, *, durable: bool = False) -> Iterator[Path]:
     """Lock the spool of `out_dir`, and remove abandoned spools."""
     remove_abandoned_spools()
-    spool = spool_folder(out_dir, limit_bytes)
+    spool = spool_folder(out_dir, limit_bytes, durable=durable)
     try:
         held = lock_spool(spool)
     except BlockingIOError:

@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.spool import mark_requests
+from scaraspec_recorder.spool.durability import sync
 from scaraspec_recorder.spool.records import (
     CODES,
     HEAD_BYTES,
@@ -274,6 +275,7 @@ class SpoolReader:
 
     Args:
         directory: The spool folder; created if missing.
+        durable: Whether a position is on the device before segments are deleted.
 
     Attributes:
         state: State that was acknowledged with the position; empty in a new spool.
@@ -283,7 +285,8 @@ class SpoolReader:
         OSError: The folder cannot be created, read or locked.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, *, durable: bool = False) -> None:
+        self._durable = durable
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._directory = directory
         self._lock = lock(directory / READER_LOCK, wait=True)
@@ -334,7 +337,7 @@ class SpoolReader:
             OSError: The position cannot be written.
         """
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
-        _write_checkpoint(self._directory, checkpoint)
+        _write_checkpoint(self._directory, checkpoint, durable=self._durable)
         self.stall = None
         for number in _segments(self._directory):
             if number < self._number:
@@ -371,6 +374,14 @@ def read_checkpoint(directory: Path) -> dict[str, Any]:
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
+def checkpoint_time_s(directory: Path) -> float | None:
+    """Return when the checkpoint was written, in seconds since the Unix epoch; None if never."""
+    try:
+        return (directory / _CHECKPOINT).stat().st_mtime
+    except FileNotFoundError:
+        return None
+
+
 def replace_state(directory: Path, state: Mapping[str, Any]) -> None:
     """Replace the acknowledged state; the position remains.
 
@@ -398,10 +409,16 @@ def stall_of(checkpoint: Mapping[str, Any]) -> WriteStall | None:
     return WriteStall(*noted) if noted else None
 
 
-def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:
+def _write_checkpoint(
+    directory: Path, checkpoint: Mapping[str, Any], *, durable: bool = False
+) -> None:
     temporary = directory / (_CHECKPOINT + ".new")
     temporary.write_text(json.dumps(checkpoint), "utf-8")
+    if durable:
+        sync((temporary,))
     temporary.replace(directory / _CHECKPOINT)
+    if durable:
+        sync((directory,))
 
 
 def backlog_bytes(directory: Path) -> int:

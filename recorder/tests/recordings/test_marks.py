@@ -295,9 +295,8 @@ def test_a_step_of_the_clock_is_no_silence(hours: int) -> None:
     """Whether a tick or an event comes first; a silence after the step is one."""
     for step_at_a_tick in (False, True):
         tape, clock_s = Tape(), {"wall": 10.0**6, "elapsed": 0.0}
-        clock = ClockWatch(
-            partial(_read_ns, clock_s, "wall"), partial(_read_ns, clock_s, "elapsed")
-        )
+        elapsed = partial(_read_ns, clock_s, "elapsed")
+        clock = ClockWatch(partial(_read_ns, clock_s, "wall"), elapsed, elapsed)
         marked = TriggerMarks([tape], {"silence:30s": parse_trigger("silence:30s")}, clock)
 
         def pass_s(seconds: float, step_s: float = 0, now: dict[str, float] = clock_s) -> int:

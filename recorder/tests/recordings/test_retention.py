@@ -167,7 +167,7 @@ def test_after_a_step_of_the_clock_only_sizes_count(disk: Disk, hours: int) -> N
     """The ages of all recordings are unknown."""
     elapsed_ns = 5 * HOUR_NS
     wall_ns = [NOW_NS]
-    clock = ClockWatch(lambda: wall_ns[0], lambda: elapsed_ns)
+    clock = ClockWatch(lambda: wall_ns[0], lambda: elapsed_ns, lambda: elapsed_ns)
     retention = Retention(disk.index, parse_limits("4d,2MB"), 0, lambda: 0, clock)
     wall_ns[0] += hours * HOUR_NS
     for _ in range(2):

@@ -17,16 +17,22 @@ class Clocks:
     def __init__(self) -> None:
         self.wall_ns = 100 * SECOND_NS
         self.elapsed_ns = 0
+        self.awake_ns = 0
         self.read_ns = 0
-        self.watch = ClockWatch(lambda: self.wall_ns, self._read)
+        self.watch = ClockWatch(lambda: self.wall_ns, self._read, self._read_awake)
 
-    def pass_s(self, seconds: float, step_s: float = 0) -> None:
+    def pass_s(self, seconds: float, step_s: float = 0, asleep_s: float = 0) -> None:
+        self.awake_ns += int((seconds - asleep_s) * SECOND_NS)
         self.elapsed_ns += int(seconds * SECOND_NS)
         self.wall_ns += int((seconds + step_s) * SECOND_NS)
 
     def _read(self) -> int:
         self.elapsed_ns += self.read_ns
         return self.elapsed_ns
+
+    def _read_awake(self) -> int:
+        self.awake_ns += self.read_ns
+        return self.awake_ns
 
 
 @pytest.mark.parametrize("step_s", [1, 86_400, -3600])
@@ -48,6 +54,19 @@ def test_corrections_and_interruptions_are_no_steps() -> None:
         assert clocks.watch.step_ns() == 0
     clocks.read_ns = 60 * SECOND_NS
     assert clocks.watch.step_ns() == 0
+    assert clocks.watch.suspended_ns() == 0
+
+
+def test_a_suspend_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    """With its length, in the recording and in the log of the recorder; it is no step."""
+    clocks, output = Clocks(), Mock()
+    decoder = Decoder([output], Judge(), clock=clocks.watch)
+    clocks.pass_s(7201.2, asleep_s=7200.3)
+    decoder.tick(1)
+    decoder.tick(2)
+    text = "the machine was suspended for 2 h"
+    output.mark.assert_called_once_with(1, LogLine(Level.WARN, "clock", text))
+    assert caplog.messages == [text]
 
 
 def test_a_step_is_logged(caplog: pytest.LogCaptureFixture) -> None:

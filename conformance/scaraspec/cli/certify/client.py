@@ -85,7 +85,7 @@ def command(  # noqa: PLR0913 - one for each option
     """Certify a client build: the suite acts as the controller.
 
     Check a driver first with scaraspec driver-check. Without a driver an operator works with the
-    client (--listen, --attended); the same --out continues an earlier session. Exit status 0
+    client (--listen, --attended); the same --out continues an earlier sitting. Exit status 0
     conformant, 1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
     """
     if attended != bool(listen) or bool(driver) + attended > 1:

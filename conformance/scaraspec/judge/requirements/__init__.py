@@ -1,9 +1,10 @@
 """The requirement catalogue, and how to find a requirement, a clause or a selection in it.
 
 The ``clause_*`` modules contain the requirements as data, `catalogue` contains their order, and
-`entry` contains their types. The rules that judge them are in ``scaraspec.judge.rules``. A name
-that matches no requirement is an error and never an empty result: a mistyped selection must not
-look like a run without failures.
+`entry` contains their types. Clause ``T`` has the conventions of text and numbers, which have no
+clause of their own in the document. The rules that judge them are in ``scaraspec.judge.rules``. A
+name that matches no requirement is an error and never an empty result: a mistyped selection must
+not look like a run without failures.
 """
 
 import difflib

@@ -137,7 +137,7 @@ ROWS = (
     R("4.4/5", lines=(157,), register=("A-4.4-2",),
       sentence="An address that cannot exist, such as 999.1.1.1, must not be answered '1' to 0x05.",
       original="请求中包含 IP 地址，子网掩码和网关地址",
-      binds=CONTROLLER, testable=AC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=DESTRUCTIVE, strength=FIRM, basis=DERIVED),
     R("4.4/6", lines=(162,), register=("A-4.4-1",),
       sentence="After 0x05 was answered '1', a client should cope with losing its connection.",
       original="控制层向应用层返回设置网络结果",
@@ -164,7 +164,7 @@ ROWS = (
       sentence="On a malformed or impossible time the reply must "
                "not be '1', and the clock must go on as before.",
       original="0：表示失败，1：表示成功",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("4.5/6", lines=(169,), register=("A-4.5-2",),
       sentence="Every moment that exists in the years 2000 to 2099, 29 February "
                "of leap years included, must be answered '1', and the clock "

@@ -272,7 +272,7 @@ ROWS = (
       sentence="A 0x35 without exactly three fields, or with a "
                "field that is no number, must not be answered '1'.",
       original="工具坐标三维坐标(x,y,z)",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("4.20/5", lines=(435,), register=("A-4.19-2",),
       sentence="Setting the gripper centre must move nothing.",
       original="应用层向控制层发送“设置夹具中心点”请求",

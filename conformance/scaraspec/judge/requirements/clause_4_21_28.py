@@ -42,7 +42,7 @@ ROWS = (
       sentence="A 0x36 without exactly six fields, or with a field "
                "that is no number, must not be answered '1'.",
       original="坐标以六维表示(x,y,z, ThetaX, ThetaY, ThetaZ)",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("4.21/5", lines=(447,), register=("A-4.21-2",),
       sentence="Setting the initial position should move nothing.",
       original="应用层向控制层发送“设置初始工具坐标”请求",
@@ -138,7 +138,7 @@ ROWS = (
                "field that is no number, must not be answered '1'.",
       original="坐标以如下格式表示(speed, x,y,z, ThetaX, ThetaY, ThetaZ) / "
                "首先判断是否可以设置工具坐标，若不可以，则返回“失败”结果",
-      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     # 4.25 and 4.26: release and lock all joints, 0x3A and 0x3B (L518-582).
     R("4.25/1", lines=((520, 523),), register=("A-3-12",),
       sentence="The request 0x3A must carry no data.",
@@ -241,7 +241,7 @@ ROWS = (
     R("4.28/7", lines=((605, 608),), register=("A-4.28-5",),
       sentence="A 0x3D with a value outside 1 to 4 must not be answered '1' and must move nothing.",
       original="- 1: 向 Y 轴正方向持续移动 / - 4: 向 X 轴负方向持续移动",
-      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     R("4.28/8", register=("A-4.28-3", "A-2-8"),
       sentence="A jog is expected to end on 0x32, at a travel "
                "limit and when the connection is lost.",

@@ -62,7 +62,7 @@ ROWS = (
       sentence="A 0x43 to port 0 or to a port above 40 must not be answered '1'; "
                "to any other port that is no digital output a '1' is tolerated.",
       original="该端口必须为数字输出类型 / 40 表示最多 40 个 IO 端口",
-      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     R("4.32/6", lines=(655, 684), register=("A-4.34-1",),
       sentence="After 0x43 was answered '1', 0x49 must at once show the value "
                "at that port, be it 1 or 0, and every other digit as before.",

@@ -128,11 +128,11 @@ ROWS = (
       sentence="A chunk longer than 200 bytes or reaching "
                "beyond fileSize must not be answered '1'.",
       original="缓冲区最多 200 个字节",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     R("5.2/11", lines=(748,), register=("A-5-16",),
       sentence="A 0x52 that no accepted 0x50 came before must not be answered '1'.",
       original="文件建立成功，返回 1",
-      binds=CONTROLLER, testable=AC, hazard=STATE, strength=FIRM, basis=ROBUSTNESS),
+      binds=CONTROLLER, testable=AC | PC, hazard=STATE, strength=FIRM, basis=ROBUSTNESS),
     R("5.2/12", lines=(737,), register=("A-5-21",),
       sentence="From the answer to its last chunk on, an uploaded file must "
                "download with the same content, again and again, also after "
@@ -239,7 +239,7 @@ ROWS = (
     R("5.3/13", lines=(735,), register=("A-5-6",),
       sentence="A client must reject a chunk longer than 200 bytes or reaching beyond fileSize.",
       original="缓冲区最多 200 个字节",
-      binds=CLIENT, testable=AK, hazard=STATE, strength=FIRM, basis=DERIVED),
+      binds=CLIENT, testable=AK | PC, hazard=STATE, strength=FIRM, basis=DERIVED),
     # 5.4: what a receiver of a file does (L789-795).
     R("5.4/1", lines=(791,), register=("A-5-11",),
       sentence="On the name of a file that is not there, the "

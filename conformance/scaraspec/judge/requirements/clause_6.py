@@ -246,7 +246,7 @@ ROWS = (
                "不可重复 / "
                "注意：“曲线移动”的后续结点中，只能是结点坐标，且不能少于 3 个。 / "
                "统一定义为“ARACS”",
-      binds=CONTROLLER, testable=AC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
     # 6.6, a number used twice: operations on variables (6.6a, L944-986), footer (6.6b, L988-998).
     R("6.6a/1", lines=((961, 965),), register=("A-6.6a-3",),
       sentence="result_type must be one of 1 to 4.",

@@ -9,6 +9,8 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
+from scaraspec.judge.rules.two_stage import SUCCESS
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
@@ -315,3 +317,15 @@ def second_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | 
         observed="a second one",
         at=(*(seen.place for seen in after.frames), unsolicited.seen.place),
     )
+
+
+def _no_result(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A successful command sends its final result (L318 and similar)."""
+    result = one_result(x, robot)
+    return result if result and result.verdict is Verdict.FAIL else None
+
+
+for _name, _requirement in SUCCESS.items():
+    if _name != "release_joints":  # no status shows that it has ended (A-4-5)
+        rule(_requirement, on=Exchange, names=(_name,))(_no_result)
+    rule(_requirement, on=UnsolicitedReply, names=(_name,), sender=C2A)(untagged_result)

@@ -5,6 +5,7 @@ from typing import Final
 
 from scaraspec.judge.rules.busy import STATE_OF, never_idle_while_executing
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, inconclusive, rule, tolerated
+from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
@@ -14,6 +15,8 @@ from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
 
 _STATUS: Final = ("get_status",)
+_MOMENT_NS: Final = 1_000_000_000
+"""Within this time no client that is not recorded can begin and end a command."""
 _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
 """The requirement for each status code (L1018-1021)."""
 
@@ -43,6 +46,32 @@ def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
 def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """An idle robot reports 00 (L1017). Another status may have a command that is missing."""
     return PASSED if x.reply_value == "00" and not robot.executing else None
+
+
+@rule("4.8/3", on=Exchange, names=_STATUS)
+def idle_between(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A robot that is idle before and after, and executed nothing, is idle between (L1017)."""
+    first = robot.history.idle_seen_ns
+    if x.reply_value != "00" or robot.executing or robot.transferring:
+        return None
+    if not 0 <= x.time_ns - first <= _MOMENT_NS or any(
+        request.place.time_ns > first - _MOMENT_NS
+        for name, request in robot.history.last_requests.items()
+        if name in TWO_STAGE
+    ):
+        return None
+    for y in robot.history.between("get_status", first, x.time_ns):
+        if y.reply_value in STATE_OF.values():
+            return failed(
+                UserMessage(
+                    "the status is {status} between two statuses 00, and nothing executed",
+                    status=y.reply_value,
+                ),
+                expected="00",
+                observed=y.reply_value,
+                at=(*(seen.place for seen in y.frames), *(seen.place for seen in x.frames)),
+            )
+    return None
 
 
 def _state(x: Exchange, robot: RobotState, *, name: str) -> RuleResult | None:

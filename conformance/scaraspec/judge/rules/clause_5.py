@@ -1,7 +1,7 @@
 """Clauses 5.1 to 5.4: chunks and transfers, uploads and downloads."""
 
 from scaraspec.judge.rules.flag import one_flag
-from scaraspec.judge.rules.program_store import is_unlisted
+from scaraspec.judge.rules.missing_programs import is_unlisted
 from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
@@ -11,6 +11,7 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
+from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, TransferState
@@ -391,6 +392,26 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
         expected=f"{expected_size} bytes, at {first}: {sent}",
         observed=f"{size} bytes, at {first}: {got}",
         at=(*places_of(stored), *places_of(transfer), *chunk),
+    )
+
+
+@rule("5.2/12", on=Exchange, names=("download_name",))
+def upload_is_there(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A file that was uploaded completely can be downloaded (L737)."""
+    stored = robot.files.get(x.request.text)
+    if stored is None or x.accepted is not False or not x.logged_in:
+        return None
+    busy = x.concurrent or robot.executing or robot.transferring
+    if busy or x.time_ns - stored.ended_ns > MAX_UNSEEN_NS:
+        return None
+    return failed(
+        UserMessage(
+            "the download of {file_name} was refused although its upload was complete",
+            file_name=show(stored.name),
+        ),
+        expected="1",
+        observed="0",
+        at=(*places_of(stored), *places_of(x)),
     )
 
 

@@ -64,5 +64,5 @@ def _check(transfer: Transfer, _: RobotState, *, requirement: str) -> RuleResult
 
 
 for _requirement in REQUIREMENTS.values():
-    if _requirement.clause.startswith("6") and Method.PASSIVE in _requirement.testable:
+    if Method.STATIC in _requirement.testable and Method.PASSIVE in _requirement.testable:
         rule(_requirement.id, on=Transfer)(partial(_check, requirement=_requirement.id))

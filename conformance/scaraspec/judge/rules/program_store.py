@@ -1,4 +1,4 @@
-"""Clauses 4.10 and 4.11, code 20: stored programs, from uploads, deletions and lists."""
+"""Clauses 4.10 and 4.11: stored programs, from uploads, deletions and lists."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -8,7 +8,6 @@ from typing import Final
 
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
-from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
 from scaraspec.protocol.program_files.layout import MAGIC
@@ -20,7 +19,6 @@ from scaraspec.user_message import UserMessage
 _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
-_MISSING: Final = "20"
 _LINE_ENDS: Final = (b"\r\n", b"\n", b"\r")
 _OTHER_SEPARATORS: Final = (*_LINE_ENDS, b",", b";", b" ", b"\t", b"/", b"\0")
 _PUSH_WAIT_NS: Final = 1_000_000_000
@@ -29,7 +27,8 @@ _MAX_FETCH_NS: Final = 5_000_000_000
 """Maximum time from the request of a list in parts to its first part."""
 
 
-def _names(x: Exchange) -> list[bytes]:
+def listed_names(x: Exchange) -> list[bytes]:
+    """Return the names of all parts of a list."""
     return [name for part in x.parts if part.value for name in part.value.names]
 
 
@@ -64,14 +63,15 @@ def _is_unambiguous(x: Exchange, robot: RobotState) -> bool:
 
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
-    return _is_complete_list(x) and _is_unambiguous(x, robot)
+    return is_complete_list(x) and _is_unambiguous(x, robot)
 
 
-def _is_complete_list(x: Exchange) -> bool:
+def is_complete_list(x: Exchange) -> bool:
+    """Return whether the last part of a list announces no other."""
     return bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
 
 
-def _begun_ns(x: Exchange) -> int:
+def list_begun_ns(x: Exchange) -> int:
     """Return a time that is not later than the request of the first part."""
     fetched = x.parts[0] is not x.reply
     return x.parts[0].begun_ns - _MAX_FETCH_NS if fetched else x.time_ns
@@ -146,7 +146,7 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
         or not _is_unambiguous(x, robot)
     ):
         return None
-    names = _names(x)
+    names = listed_names(x)
     for part in x.parts:
         for issue in part.parsed.decoded.issues if part.parsed else ():
             if issue.defect is Defect.EMPTY_NAME:
@@ -164,7 +164,9 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.10/3", on=Exchange, names=_LIST)
 def names_are_apart(x: Exchange, robot: RobotState) -> RuleResult | None:
     """No other character separates the names (L246): known names reveal it, or a line end."""
-    for name in _names(x):
+    for name in listed_names(x):
+        if _is_known(name, robot):
+            continue
         for separator in _OTHER_SEPARATORS:
             apart = [each for each in name.split(separator) if each]
             known = all(_is_known(each, robot) for each in apart)
@@ -199,8 +201,8 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """
     if not _is_complete(x, robot):
         return None
-    listed = set(_names(x))
-    before_ns = _begun_ns(x)
+    listed = set(listed_names(x))
+    before_ns = list_begun_ns(x)
     expected = [
         t
         for t in robot.files.values()
@@ -255,7 +257,7 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A program that was deleted is not in the list (L246, L260)."""
     if not _is_complete(x, robot) or not robot.history.deleted:
         return None
-    deletions = list(_deletions(_names(x), _begun_ns(x), robot))
+    deletions = list(deletions_of(listed_names(x), list_begun_ns(x), robot))
     if not deletions:
         return PASSED
     return failed(
@@ -269,7 +271,7 @@ def deleted_is_not_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
-def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
+def deletions_of(names: list[bytes], before_ns: int, robot: RobotState) -> Iterator[Exchange]:
     """Yield the deletions of these names that were answered before this time."""
     for name in names:
         deletion = robot.history.deleted.get(name)
@@ -280,7 +282,7 @@ def _deletions(names: list[bytes], before_ns: int, robot: RobotState) -> Iterato
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
 def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A deleted program cannot be downloaded or run (L260); a run may fail late (A-4.15-1)."""
-    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
+    deletion = next(deletions_of([x.request.text], x.time_ns, robot), None)
     if deletion is None or x.accepted is None:
         return None
     failed_late = x.outcome is not None and not x.outcome.done
@@ -303,7 +305,7 @@ def deleted_is_gone(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.11/4", on=Exchange, names=("delete_program",))
 def deleted_once(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A program that was deleted is not stored: its second deletion is answered "0" (L260)."""
-    deletion = next(_deletions([x.request.text], x.time_ns, robot), None)
+    deletion = next(deletions_of([x.request.text], x.time_ns, robot), None)
     if deletion is None or x.accepted is None:
         return None
     if not x.accepted:
@@ -321,6 +323,34 @@ def deleted_once(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
+@rule("4.11/2", on=Exchange, names=_LIST)
+def refused_deletion_keeps(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A program whose deletion was answered "0" is still listed (L260)."""
+    refused = robot.history.last("delete_program", before_ns=x.time_ns)
+    before = robot.history.last("list_programs", before_ns=refused.time_ns) if refused else None
+    if refused is None or refused.accepted is not False or before is None:
+        return None
+    if robot.history.last_requests.get("delete_program") is not refused.request:
+        return None
+    if not _is_complete(x, robot) or answered_ns(refused) > list_begun_ns(x):
+        return None
+    name = refused.request.text
+    unseen = x.time_ns - before.time_ns > MAX_UNSEEN_NS or name in robot.history.deleted
+    if unseen or name not in listed_names(before):
+        return None
+    if name in listed_names(x):
+        return PASSED
+    return failed(
+        UserMessage(
+            "the deletion of {program} was answered 0, but it is not listed any more",
+            program=show(name),
+        ),
+        expected="1",
+        observed="0",
+        at=(*places_of(before), *places_of(refused), *places_of(x)),
+    )
+
+
 @rule("4.11/5", on=Exchange, names=("delete_program",))
 def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     """The running program is not deleted (A-4.11-1)."""
@@ -334,91 +364,3 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
         "allow",
         UserMessage("{program} was deleted while it ran", program=show(x.request_value or b"")),
     )
-
-
-def is_unlisted(x: Exchange, robot: RobotState) -> bool:
-    """Return whether the last list lacks the name in a request, and no upload of it came since.
-
-    A controller may ignore the extension of a name (A-0-9) or its case.
-    """
-    programs = robot.history.last("list_programs", before_ns=x.time_ns)
-    if programs is None or x.time_ns - programs.time_ns > MAX_UNSEEN_NS:
-        return False
-    uploaded = robot.history.uploaded_ns.get(x.request.text, -1) > _begun_ns(programs)
-    listed = {_stem(name) for name in _names(programs)}
-    return not uploaded and _is_complete_list(programs) and _stem(x.request.text) not in listed
-
-
-def _stem(name: bytes) -> bytes:
-    return name.lower().rpartition(b".")[0] or name.lower()
-
-
-@rule("4.15/7", on=Exchange, names=("run_program",))
-@rule("8/5", on=Exchange, names=("simulate_program",))
-def unlisted_is_not_run(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A program that is not stored does not run (L314, L1044): every program is listed (L246)."""
-    if not is_unlisted(x, robot) or x.accepted is None:
-        return None
-    if not x.accepted or (x.outcome and not x.outcome.done):
-        return PASSED
-    if not x.outcome or next(_deletions([x.request.text], x.time_ns, robot), None):
-        return None  # 4.11/3 judges it
-    return failed(
-        UserMessage(
-            "{command} succeeded for {program}, which the last program list lacks",
-            command=x.name,
-            program=show(x.request.text),
-        ),
-        expected="0|20",
-        observed="11",
-    )
-
-
-# Code 20
-
-
-@rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
-def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """Code 20 means that the program file does not exist (L1044)."""
-    failure = x.reply_value if x.accepted is False else x.outcome
-    if failure is None or failure.code != _MISSING:
-        return None
-    if x.name not in _RUNS:
-        return failed(
-            UserMessage(
-                "{command} names no program but was refused or failed with code 20", command=x.name
-            ),
-            expected="another code",
-            observed="20",
-        )
-    name = x.request.text
-    stored = robot.files.get(name)
-    if stored and is_valid_program(stored):
-        return failed(
-            UserMessage(
-                "{program} was refused or failed with code 20 although it was uploaded",
-                program=show(name),
-            ),
-            expected="1, or another code",
-            observed="20",
-            at=(*places_of(stored), *places_of(x)),
-        )
-    if stored or _is_listed(name, x, robot):
-        return tolerated(
-            "A-4.15-2",
-            "20",
-            UserMessage(
-                "code 20 was sent for {program}, which exists; the file may be damaged",
-                program=show(name),
-            ),
-        )
-    return PASSED
-
-
-def _is_listed(name: bytes, x: Exchange, robot: RobotState) -> bool:
-    """Return whether the last list contains it, and nothing was deleted since."""
-    programs = robot.history.last("list_programs", before_ns=x.time_ns)
-    deletion = robot.history.last_requests.get("delete_program")
-    if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
-        return False
-    return name in _names(programs)

@@ -19,6 +19,17 @@ TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
 _LASTING_COMMANDS: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
+SUCCESS: Final = {
+    "run_program": "4.15/5",
+    "simulate_program": "4.16/3",
+    "emergency_stop": "4.17/4",
+    "reset": "4.18/4",
+    "set_tool_coordinates": "4.24/6",
+    "release_joints": "4.25/3",
+    "lock_joints": "4.26/3",
+    "jog": "4.28/5",
+}
+"""The requirement on the final result of a success, by command."""
 _QUERIES: Final = ("get_status", "get_time", "get_version")
 _IMMEDIATE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000
@@ -191,14 +202,6 @@ def _took_long(x: Exchange) -> bool:
 
 
 @rule("4/2", on=Exchange, names=TWO_STAGE)
-@rule("4.15/5", on=Exchange, names=("run_program",))
-@rule("4.16/3", on=Exchange, names=("simulate_program",))
-@rule("4.17/4", on=Exchange, names=("emergency_stop",))
-@rule("4.18/4", on=Exchange, names=("reset",))
-@rule("4.24/6", on=Exchange, names=("set_tool_coordinates",))
-@rule("4.25/3", on=Exchange, names=("release_joints",))
-@rule("4.26/3", on=Exchange, names=("lock_joints",))
-@rule("4.28/5", on=Exchange, names=("jog",))
 def success(x: Exchange, _: RobotState) -> RuleResult | None:
     """A successful final result is "11" (L318 and similar)."""
     if not x.result or x.result.frame.data[:1] == b"0":
@@ -210,6 +213,10 @@ def success(x: Exchange, _: RobotState) -> RuleResult | None:
         expected="11",
         observed=show(x.result.frame.data),
     )
+
+
+for _name, _requirement in SUCCESS.items():
+    rule(_requirement, on=Exchange, names=(_name,))(success)
 
 
 @rule("4/3", on=Exchange, names=TWO_STAGE)
@@ -290,9 +297,9 @@ def not_repeated(x: Exchange, robot: RobotState) -> RuleResult | None:
     same = [y for y in x.concurrent if (y.name, y.request_value) == (x.name, x.request_value)]
     if not same:
         return PASSED
-    if _has_reconnected(x, same[0], robot):
-        since_ns = x.time_ns - same[0].time_ns
-        return _repeated(x, same[0], "its client has connected again", since_ns)
+    if login := _login_after(x, same[0], robot):
+        since_ns = x.time_ns - login.time_ns
+        return _repeated(x, same[0], "a client connected, and the first one is silent", since_ns)
     return tolerated(
         "A-4-2",
         "asked again",
@@ -315,17 +322,16 @@ def not_repeated_after_a_lost_link(x: Exchange, robot: RobotState) -> RuleResult
     return _repeated(x, lost.exchange, "its link had ended before its final result", since_ns)
 
 
-def _has_reconnected(x: Exchange, y: Exchange, robot: RobotState) -> bool:
-    """Whether the connection of `x` has logged in after `y`, and that of `y` is silent since."""
+def _login_after(x: Exchange, y: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the login of the connection of `x` after `y`, if that of `y` is silent since."""
     here, there = x.request.place.connection, y.request.place.connection
     logins = (z for z in robot.history.recent.get("login", ()) if z.time_ns > answered_ns(y))
     login = next((z for z in logins if z.request.place.connection == here), None)
     if here == there or login is None:
-        return False
+        return None
     requests = robot.history.last_requests.values()
-    return not any(
-        z.place.connection == there and z.place.time_ns > login.time_ns for z in requests
-    )
+    active = any(z.place.connection == there and z.place.time_ns > login.time_ns for z in requests)
+    return None if active else login
 
 
 def _repeated(x: Exchange, first: Exchange, why: str, since_ns: int) -> RuleResult:

@@ -163,19 +163,20 @@ def _values(data: NodeData) -> tuple[float, ...]:
     return tuple(getattr(data, item.name) for item in fields(data))
 
 
-_FORMATS: dict[type[NodeData], str] = {
+DATA_FORMATS: dict[type[NodeData], str] = {
     Point: "4f",
     WaitInput: "3I",
     WaitSeconds: "B",
     SetOutput: "4I",
     Operation: "7i",
 }
+"""The `struct` formats of the data of a node, without byte order; a timer has longs."""
 
 
 def _data_format(kind: type[NodeData], layout: Layout) -> str:
     if kind is WaitTimer:
         return layout.timer_format
-    return layout.byte_order.prefix + _FORMATS[kind]
+    return layout.byte_order.prefix + DATA_FORMATS[kind]
 
 
 def _record_buffer(image: bytes, size: int) -> bytearray:

@@ -30,8 +30,8 @@ NODE_TYPE_OFFSET = ALIAS_BYTES  # nodeType, speedRate, counts: single bytes afte
 _OPERATION_BYTES = 7 * 4  # the largest union member, without padding (L946-957)
 _UNION_OFFSET = NODE_TYPE_OFFSET + 3
 _NATURAL = 8  # the default alignment limit of a compiler
-_LEAST_COORDINATE, _GREATEST_COORDINATE = 1e-4, 1e6  # mm or degrees, with a margin
-_SAMPLE_NODES = 1000  # enough to distinguish two layouts in bounded time
+LEAST_COORDINATE, GREATEST_COORDINATE = 1e-4, 1e6  # mm or degrees, with a margin
+SAMPLE_NODES = 1000  # enough to distinguish two layouts in bounded time
 
 
 class ByteOrder(StrEnum):
@@ -198,7 +198,7 @@ def is_implausible_coordinate(value: float) -> bool:
 
     Values in the wrong byte order are usually implausible.
     """
-    return not (value == 0 or _LEAST_COORDINATE <= abs(value) <= _GREATEST_COORDINATE)
+    return not (value == 0 or LEAST_COORDINATE <= abs(value) <= GREATEST_COORDINATE)
 
 
 def _count_implausible_values(data: bytes, layout: Layout) -> int:
@@ -211,7 +211,7 @@ def _count_implausible_values(data: bytes, layout: Layout) -> int:
     start = layout.nodes_offset(variables)
     offsets = range(start, start + points * layout.node_bytes, layout.node_bytes)
     timer = struct.Struct(layout.timer_format)
-    for offset in islice(offsets, _SAMPLE_NODES):
+    for offset in islice(offsets, SAMPLE_NODES):
         node_type, content = data[offset + NODE_TYPE_OFFSET], offset + layout.data_offset
         match node_type:
             case NodeType.POINT:

@@ -136,7 +136,7 @@ class Journal:
         self.earlier = _load(path) if path else None
         self._descriptor: int | None = None
         self.failure = ""
-        self._unwritten = b""
+        self._unwritten, self._on_disk = b"", True
         self._restoring = False
 
     @classmethod
@@ -234,24 +234,32 @@ class Journal:
     def confirm(self, event: str, **values: Any) -> None:
         """Write a record of something that has happened; if the disk is full, write it later.
 
-        Without this record, a later run may try to restore more than necessary.
+        It is on disk at the latest after the next `write`. Without it, a later run may try to
+        restore more than necessary.
         """
         self.changes.apply(self._queued(event, values))
         with suppress(JournalError):
-            self.flush()
+            self.flush(wait=False)
 
-    def flush(self) -> None:
-        """Wait until all records are on disk.
+    def flush(self, *, wait: bool = True) -> None:
+        """Write all records.
+
+        Args:
+            wait: Wait until they are on disk. Otherwise they survive the end of this process, and
+                not that of the system.
 
         Raises:
             JournalError: They cannot be written.
         """
-        if self._descriptor is None or not self._unwritten:
+        if self._descriptor is None:
             return
         try:
             while self._unwritten:
                 self._unwritten = self._unwritten[os.write(self._descriptor, self._unwritten) :]
-            os.fsync(self._descriptor)
+                self._on_disk = False
+            if wait and not self._on_disk:
+                os.fsync(self._descriptor)
+                self._on_disk = True
         except OSError as error:
             failure = self._unwritable(error)
             self.failure = f"{failure}"

@@ -146,6 +146,20 @@ STOPPED_AND_BUSY = (
     {then}
 """
 )
+FLICKER = """
+    login
+    {before}
+    > get_status
+    < get_status 00
+    +{pause}
+    > get_status
+    < get_status 04
+    {then}
+    +0.2
+    > get_status
+    < get_status 00
+"""
+SHORT_RESET = "> reset\n< reset 1\n<90 reset 11\n+0.2"
 REFUSED_AS_BUSY = "> reset\n< reset 0|01\n"
 FAULT = """
     login
@@ -263,6 +277,10 @@ CASES = (
     ),
     # Another client has begun a program; its first reply may come later.
     ("4/7", "none", NEVER_IDLE_BESIDE.format(then="2< run_program 1")),
+    ("4.8/3", "fail", FLICKER.format(before="", pause=0.2, then="")),
+    ("4.8/3", "pass", FLICKER.format(before="", pause=2, then="")),
+    ("4.8/3", "pass", FLICKER.format(before="", pause=0.2, then="> reset")),
+    ("4.8/3", "pass", FLICKER.format(before=SHORT_RESET, pause=0.2, then="")),
     ("4.17/6", "fail 4.17/7", STOPPED_AND_BUSY.format(pause=1, then="")),
     ("4.17/7", "fail 4.17/6", STOPPED_AND_BUSY.format(pause=1, then="")),
     ("4/15", "fail 4.17/6 4.17/7", STOPPED_AND_BUSY.format(pause=1, then=REFUSED_AS_BUSY)),

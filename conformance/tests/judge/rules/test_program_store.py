@@ -38,6 +38,14 @@ def delete(name: str, reply: str = "1") -> str:
     return f"> delete_program {name}\n< delete_program {reply}"
 
 
+def default(name: str) -> str:
+    """The default program."""
+    return f"> get_default_program\n< get_default_program {name}"
+
+
+IDLE = "> get_status\n< get_status 00"
+
+
 def run(name: str, reply: str, result: str = "") -> str:
     """A program that is run."""
     return f"> run_program {name}\n< run_program {reply}" + (
@@ -107,6 +115,7 @@ CASES = (
     ("4.10/3", "fail", session(listed(r"0|a.rob\r\nb.rob"))),
     ("4.10/3", "fail 4.10/11", session(upload("a"), upload("b"), listed("0|a,b"))),
     ("4.10/3", "pass", session(listed("0|a,b"))),
+    ("4.10/3", "pass", session(*map(upload, ("a", "b", "a,b")), listed("0|a|b|a,b"))),
     ("4.10/3", "pass", session(listed("0|my program.rob"))),
     ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "0|20"))),
     ("4.15/7", "pass", session(listed("0|a.rob"), run("b.rob", "1", "00|20"))),
@@ -121,6 +130,26 @@ CASES = (
         session(listed("0|a.rob"), run("b.rob", "1", "11").replace("run_", "simulate_")),
     ),
     ("4.11/3", "fail", session(delete("a"), delete("a", "0"), run("a", "1", "11"))),
+    ("4.11/2", "pass", session(listed("0|a|b"), delete("a", "0"), listed("0|a|b"))),
+    ("4.11/2", "fail", session(listed("0|a|b"), delete("a", "0"), listed("0|b"))),
+    ("4.11/2", "pass", session(listed("0|a|b"), delete("a", "0"), "+61", listed("0|b"))),
+    ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), delete("a"), listed("0"))),
+    ("4.11/2", "pass", session(listed("0|a|b"), "< gap 9", delete("a", "0"), listed("0|b"))),
+    # The status was 00: a missing program is refused with 20, but a damaged one need not be listed.
+    ("4.15/7", "inconclusive", session(listed("0|a"), IDLE, run("b", "0|05"))),
+    ("4.15/7", "inconclusive", session(listed("0|a"), IDLE, run("b", "1", "00|05"))),
+    ("4.15/7", "pass", session(listed("0|a"), run("b", "0|05"))),
+    ("4.15/7", "pass", session(listed("0|a"), IDLE, "+2", run("b", "0|05"))),
+    (
+        "4.15/7",
+        "none 6.1/1 6.6b/1",
+        session(upload("b", DAMAGED), listed("0|a"), IDLE, run("b", "0|05")),
+    ),
+    ("4.12/3", "pass", session(listed("0|a.rob"), default("a.rob"))),
+    ("4.12/3", "inconclusive", session(listed("0|a.rob"), default("NULL"))),
+    ("4.12/3", "pass", session(listed("0|a.rob"), upload("b.rob"), default("b.rob"))),
+    ("4.12/3", "pass", session(listed("0|a.rob"), delete("b.rob", "0"), default("b.rob"))),
+    ("4.12/3", "pass", session(listed("0|a.rob"), "+61", default("b.rob"))),
     ("4.11/4", "pass", session(delete("a"), delete("a", "0"))),
     ("4.11/4", "fail", session(delete("a"), delete("a"))),
     ("4.11/4", "fail", session(upload("a"), delete("a"), "+9", delete("a"))),

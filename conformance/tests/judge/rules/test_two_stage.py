@@ -102,6 +102,18 @@ login
 2<90 run_program 11
 """
 
+NO_RESULT = """
+    login
+    > {name} {data}
+    < {name} 1
+    {result}
+    > get_status
+    < get_status 00
+    +6
+    > get_status
+    < get_status 00
+    > close
+"""
 _SILENT = """
     login
     > {name} {data}
@@ -212,6 +224,29 @@ CASES = (
     ("4/16", "pass", _LOST.replace("+2", "+100")),
     ("4/16", "pass", _LOST.replace("< rst", "<90 run_program 11\n< rst")),
     ("4/16", "pass", _LOST.replace("< rst", "< gap\n< rst")),
+    *(
+        (requirement, f"fail {others}", NO_RESULT.format(name=name, data=data, result=result))
+        for requirement, name, data, form in (
+            ("4.15/5", "run_program", "a", ""),
+            ("4.16/3", "simulate_program", "a", "4.16/2"),
+            ("4.18/4", "reset", "", ""),
+            ("4.24/6", "set_tool_coordinates", "9|1|2|3|4|0|0", ""),
+            ("4.28/5", "jog", "1", "4.28/4"),
+        )
+        for others, result in (("3/18", "+2"), (f"3/12 {form}", f"+2\n< {name} 11"))
+    ),
+    *(
+        (requirement, f"fail 3/12 {form}", f"login\n> {name}\n< {name} 1\n< {name} 11")
+        for requirement, name, form in (
+            ("4.17/4", "emergency_stop", ""),
+            ("4.25/3", "release_joints", "4.25/2"),
+            ("4.26/3", "lock_joints", "4.26/2"),
+        )
+    ),
+    *(
+        (requirement, "fail 3/18", NO_RESULT.format(name=name, data="", result="+2"))
+        for requirement, name in (("4.17/4", "emergency_stop"), ("4.26/3", "lock_joints"))
+    ),
     # The first connection is silent, but its end is not in the capture.
     ("4/16", "inconclusive", _SILENT.format(name="run_program", data="a.rob", then="")),
     ("4/16", "inconclusive", _SILENT.format(name="set_tool_coordinates", data=_TARGET, then="")),

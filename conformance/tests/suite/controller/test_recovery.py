@@ -308,11 +308,11 @@ class FullJournal(Journal):
         super().write(event, **values)
         self._remaining -= event == self._event and self._values.items() <= values.items()
 
-    def flush(self) -> None:
+    def flush(self, *, wait: bool = True) -> None:
         if not self._remaining:
             self.failure = "the disk is full"
             raise JournalError(self.failure)
-        super().flush()
+        super().flush(wait=wait)
 
 
 def test_a_full_disk_after_a_password(bench: InterruptedRun) -> None:

@@ -57,6 +57,20 @@ def earlier(path: Path) -> Changes:
     return found
 
 
+def test_only_what_is_announced_is_waited_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A confirmation is written at once, and is on disk after the next announcement or flush."""
+    waits: list[bytes] = []
+    journal = begun(path)
+    monkeypatch.setattr(os, "fsync", lambda _: waits.append(path.read_bytes()))
+    for event in ("accepted", "deleted"):
+        journal.confirm(event, name="zsaaaa1.rob")
+    assert not waits
+    assert earlier(path).files == []
+    journal.flush()
+    journal.flush()
+    assert [text.count(b"deleted") for text in waits] == [1]
+
+
 def test_records_of_a_killed_run(path: Path) -> None:
     """The next run reads the records of a killed run, and none of a run that ended normally."""
     assert Journal(path).earlier is None

@@ -1,8 +1,8 @@
-"""Attended session: an operator controls a client that has no driver.
+"""Attended run: an operator controls a client that has no driver.
 
 The suite prints each step. The traffic of the client shows that the step was done. The suite asks
 the operator what the client displays. At any time the operator can type a line to skip the case or
-to leave the session.
+to end the run.
 """
 
 import socket
@@ -92,7 +92,7 @@ class Attended:
 
         Raises:
             CaseSkipped: The operator skips the case.
-            KeyboardInterrupt: The operator leaves the session.
+            KeyboardInterrupt: The operator ends the run.
         """
         for line in self._terminal.lines():
             self._handle_input(line.lower())

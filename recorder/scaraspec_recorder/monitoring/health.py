@@ -1,0 +1,35 @@
+"""Health of the recorder that writes into a folder, from its files; no process is contacted."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from scaraspec_recorder.monitoring.status import STALL_S
+from scaraspec_recorder.sinks.sink_runner import Progress
+from scaraspec_recorder.spool.locks import find_spool
+from scaraspec_recorder.spool.spool import (
+    checkpoint_time_s,
+    read_checkpoint,
+    stall_of,
+    unread_bytes,
+)
+
+
+def health_problems(out_dir: Path, now_s: Callable[[], float] = time.time) -> list[str]:
+    """Return why the recorder of a folder does not record now; empty if it does.
+
+    Earlier gaps, and a robot that cannot be reached, are no problem of the recorder.
+    """
+    spool = find_spool(out_dir)
+    written_s = checkpoint_time_s(spool) if spool else None
+    if spool is None or written_s is None:
+        return [f"no recorder writes into {out_dir}"]
+    checkpoint = read_checkpoint(spool)
+    problems = list(Progress.read(checkpoint.get("state", {})).problems)
+    silent_s = now_s() - written_s
+    if stall := stall_of(checkpoint):
+        problems.append(f"writing is stalled: {stall.reason}")
+    elif silent_s > STALL_S:
+        waiting = f"{unread_bytes(spool)} bytes wait"
+        problems.append(f"nothing was written for {silent_s:.0f} s, {waiting}")
+    return problems
