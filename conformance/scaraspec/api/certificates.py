@@ -392,10 +392,11 @@ def _checks_of_results(
     if not version.passed:
         return
     note = UserMessage("{count} mandatory cases", count=len(mandatory.cases))
-    yield _refusing("cases", checks.case_problems(results, mandatory), note)
+    is_own = results.tool == Tool.own()
+    needs = {case.id: case.needs for case in collect(Options(), results.role)} if is_own else None
+    yield _refusing("cases", checks.case_problems(results, mandatory, needs), note)
     note = UserMessage("seed {seed}", seed=results.run.seed if results.run else "")
     yield _refusing("options", checks.option_problems(results, mandatory), note)
-    is_own = results.tool == Tool.own()
     yield _refusing("environment", _environment_problems(folder, results), "complete")
     problems = _calibration_problems(folder, results, is_own=is_own)
     yield _refusing("calibration", problems, "reference conformant, mutants killed")

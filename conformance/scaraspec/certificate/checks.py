@@ -4,7 +4,7 @@ Pure functions. Each yields one sentence for each contradiction; none if everyth
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -94,8 +94,17 @@ def option_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]
         yield UserMessage("option {name!r} is not known", name=name)
 
 
-def case_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
-    """Yield each case that is missing, doubled, unknown, altered or skipped without a reason."""
+def case_problems(
+    results: Results, mandatory: MandatoryList, needs: Mapping[str, Sequence[str]] | None = None
+) -> Iterator[str]:
+    """Yield each case that is missing, doubled, unknown, altered or skipped without a reason.
+
+    Args:
+        results: The results of the run.
+        mandatory: The list of mandatory cases.
+        needs: The hooks that each case needs, by its id; None if this version does not know the
+            cases. The messages of the results name them then.
+    """
     found: defaultdict[str, list[Case]] = defaultdict(list)
     for case in results.cases:
         if SEEN not in case.id and not case.id.startswith(_UNLISTED):
@@ -112,7 +121,7 @@ def case_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
             yield UserMessage("case {case} is not in the list", case=case_id)
         elif case.requirements != listed[case_id] and case.verdict not in _ALTERS_REQUIREMENTS:
             yield UserMessage("case {case} judges other requirements", case=case_id)
-        elif case_id in mandatory.cases and _is_skipped(case, results, mandatory):
+        elif case_id in mandatory.cases and _is_skipped(case, results, mandatory, needs):
             yield UserMessage(
                 "case {case} was skipped without a reason that the list allows: {message}",
                 case=case_id,
@@ -120,7 +129,12 @@ def case_problems(results: Results, mandatory: MandatoryList) -> Iterator[str]:
             )
 
 
-def _is_skipped(case: Case, results: Results, mandatory: MandatoryList) -> bool:
+def _is_skipped(
+    case: Case,
+    results: Results,
+    mandatory: MandatoryList,
+    needs: Mapping[str, Sequence[str]] | None,
+) -> bool:
     """Whether a case was skipped without a reason that the list allows.
 
     A case that does not apply is allowed if it needs a command that is verified to be unsupported,
@@ -131,10 +145,9 @@ def _is_skipped(case: Case, results: Results, mandatory: MandatoryList) -> bool:
         return False
     named = getattr(case.message, "values", {})
     if case.reason is Reason.HOOK:
-        return any(
-            hook not in mandatory.optional_hooks or f"hooks.{hook}" in results.subject.claims
-            for hook in named.get("hooks", "").split(", ")
-        )
+        hooks = named.get("hooks", "").split(", ") if needs is None else needs.get(case.id, ())
+        missing = {hook for hook in hooks if f"hooks.{hook}" not in results.subject.claims}
+        return not missing or not missing <= {*mandatory.optional_hooks}
     claims = {f"{key}={value}" for key, value in results.subject.claims.items()}
     settled = {each.id for each in results.requirements if each.decided}
     return case.reason is not Reason.NOT_APPLICABLE or not (

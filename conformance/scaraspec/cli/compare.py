@@ -6,13 +6,13 @@ from typing import NoReturn
 import click
 
 from scaraspec.api.captures import compare_captures
-from scaraspec.api.results import compare
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.results import comparison_report
+from scaraspec.results.comparison import compare
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from scaraspec.api.results import gate
 from scaraspec.cli.problems import Problem, require_replaceable
 from scaraspec.cli.results import append_summary, results_in, user_errors
 from scaraspec.judge.verdicts import ExitStatus
@@ -16,7 +15,7 @@ from scaraspec.report.model import Results
 from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.results import gate_report
 from scaraspec.results.baseline import Baseline
-from scaraspec.results.gate import GateResult
+from scaraspec.results.gate import GateResult, gate
 from scaraspec.results.waivers import read_waivers
 from scaraspec.user_message import UserMessage
 

@@ -9,7 +9,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.results.baseline import BaselineError
-from scaraspec.results.findings import OldResultsError, contradiction
+from scaraspec.results.findings import OldResultsError, contradiction, failures
 from scaraspec.results.waivers import WaiverError
 from scaraspec.user_message import UserMessage
 
@@ -18,12 +18,16 @@ def results_in(path: Path) -> Results:
     """Read results: a results.json, or the one in the folder of a run.
 
     Raises:
-        ResultsError: The file cannot be read as results, or contradicts itself.
+        ResultsError: The file cannot be read as results, is too old, or contradicts itself.
     """
     file = path / "results.json" if os.path.isdir(path) else path  # noqa: PTH112 - no OSError
     results = Results.read(file)
     if problem := contradiction(results):
         raise ResultsError(UserMessage("{path} was altered: {problem}", path=file, problem=problem))
+    try:
+        failures(results)
+    except OldResultsError as error:
+        raise ResultsError(UserMessage("{path}: {error}", path=file, error=error)) from None
     return results
 
 
@@ -47,7 +51,7 @@ def user_errors(*, worse: bool = False) -> Iterator[None]:
     """
     try:
         yield
-    except (ResultsError, BaselineError, WaiverError, OldResultsError) as error:
+    except (ResultsError, BaselineError, WaiverError) as error:
         raise Problem(str(error)) from None
     except OSError as error:
         raise Problem(

@@ -33,6 +33,7 @@ from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.report import junit
 from scaraspec.report.model import SEEN, Case, Results, Role, Session, Tool
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.core import ControllerCore
 
 
@@ -142,6 +143,7 @@ def test_each_mandatory_case_once(
         (Reason.HAZARD, "it has a hazard that is not allowed"),
         (Reason.NOT_APPLICABLE, "the robot is not idle"),
         (Reason.SLOW, "it is slow"),
+        (Reason.HOOK, UserMessage("it needs {hooks} in the ICS", hooks="motor_fault")),
     ],
 )
 def test_skipped_case(

@@ -306,6 +306,14 @@ def test_hostile_text(
     assert HOSTILE in entry["description"]
 
 
+def test_old_results(refused: Callable[..., str], tmp_path: Path) -> None:
+    """Failures without fingerprints cannot be compared; the file is named."""
+    old = f"{written(tmp_path / 'old.json', replace(FAILED, fingerprint=''))}"
+    new = f"{written(tmp_path / 'new.json', FAILED)}"
+    for arguments in (("gate", old), ("gate", new, "--baseline", old), ("compare", new, old)):
+        assert "old.json: the results are of an old version of scaraspec" in refused(*arguments)
+
+
 def test_inconclusive_results_are_no_baseline(
     gate: Callable[..., tuple[int, str]], tmp_path: Path
 ) -> None:

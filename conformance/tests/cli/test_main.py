@@ -41,3 +41,15 @@ def test_no_code_in_the_working_directory_is_run(
         )
         assert done.returncode == status, done.stderr
     assert not list(tmp_path.glob("run-*"))
+
+
+def test_commands_that_run_no_case_import_no_pytest() -> None:
+    """They start in half of the time."""
+    modules = "audit, compare, exchanges, gate, record"
+    script = f"from scaraspec.cli import {modules}; import sys; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=LIMIT_S, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "scaraspec.cli.gate" in loaded
+    assert not loaded & {"pytest", "hypothesis"}

@@ -9,12 +9,11 @@ import asyncio
 import errno
 import gc
 import os
+import signal
 import socket
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Final, cast
 
@@ -77,8 +76,7 @@ class Tap:
         self.append = append
         self.kernel_time = kernel_time
         self.now_ns = now_ns
-        self.resets = tcp.SocketWatch(tcp.ERROR)
-        self.urgent = tcp.SocketWatch(tcp.URGENT)
+        self.resets = tcp.ResetWatch()
         self._connect = connect or Connection
         self._connections: set[Connection] = set()
         self._accepted = 0
@@ -107,7 +105,11 @@ class Tap:
                 connection.reset()
             await self._wait_until_empty()
         self.resets.close()
-        self.urgent.close()
+
+    def drop_urgent(self) -> None:
+        """Record the urgent data of all connections. Must be called at SIGURG."""
+        for connection in tuple(self._connections):
+            connection.drop_urgent()
 
     def remove(self, connection: "Connection") -> None:
         """Remove a connection. Both of its sockets are closed."""
@@ -163,6 +165,8 @@ def run(  # noqa: PLR0913, PLR0917 - the arguments of a process
         loop = asyncio.get_running_loop()
         writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
         tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
+        if sys.platform == "linux":
+            loop.add_signal_handler(signal.SIGURG, tap.drop_urgent)
         for listener in listeners:
             await tap.start(listener)
         gc.freeze()  # imported objects stay alive: exclude them from collections
@@ -308,7 +312,6 @@ class Connection:
     def connected(self, end: SocketEnd) -> None:
         """A socket is connected: first the client's, then the upstream's."""
         assert end.transport
-        self.tap.urgent.add(end.descriptor, partial(self._drop_urgent, end))
         if self._ended:
             end.transport.abort()
         elif end is self.client:
@@ -343,7 +346,6 @@ class Connection:
         """A socket is closed. If the tap did not close it, reset the peer socket."""
         end.closed = True
         self.tap.resets.discard(end.descriptor)
-        self.tap.urgent.discard(end.descriptor)
         if not self._ended:
             self._end(Kind.RESET, end, why)
             if end.peer.transport:
@@ -417,11 +419,11 @@ class Connection:
         """Record bytes that were not forwarded."""
         self.tap.append(*unforwarded_record(end.stream, self.tap.now_ns(), size_bytes, reason))
 
-    def _drop_urgent(self, end: SocketEnd) -> None:
-        """Record urgent data, which is not in the stream. The system keeps its last byte."""
-        with suppress(OSError):
-            tcp.drop_urgent(end.descriptor)
-            self._record_dropped(end, 1, "sent as urgent data (TCP)")
+    def drop_urgent(self) -> None:
+        """Record urgent data, which is not in the stream."""
+        for end in self._ends:
+            if end.transport and not end.transport.is_closing() and tcp.drop_urgent(end.descriptor):
+                self._record_dropped(end, 1, "sent as urgent data (TCP)")
 
     def _unforwarded_bytes(self) -> int:
         """Count the bytes that the client sent before the upstream socket was connected."""

@@ -19,11 +19,6 @@ if sys.platform == "linux":  # imported early: without a free file descriptor, i
     import fcntl
     import termios
 
-    ERROR: Final = select.EPOLLERR
-    URGENT: Final = select.EPOLLPRI
-else:
-    ERROR = URGENT = 0
-
 RESET_FLUSH_S: Final = 5.0
 """Maximum time that a reset waits until queued data is sent."""
 
@@ -93,6 +88,7 @@ def allow_many_sockets() -> None:
 def tune(sock: socket.socket) -> None:
     """Set TCP_NODELAY and SO_KEEPALIVE: no send delay, detection of lost peers within a minute.
 
+    On Linux, urgent data is reported by SIGURG. To poll for it would cost a call for every chunk.
     TCP_USER_TIMEOUT is not set: it would also close a connection whose peer does not read. Without
     keep-alive probes, during a transmission, `is_lost` detects a lost peer.
     """
@@ -102,6 +98,8 @@ def tune(sock: socket.socket) -> None:
         for name, value in _KEEPALIVE.items():
             if option := getattr(socket, name, 0):  # some systems lack some of them
                 sock.setsockopt(socket.IPPROTO_TCP, option, value)
+        if sys.platform == "linux":
+            fcntl.fcntl(sock.fileno(), fcntl.F_SETOWN, os.getpid())
 
 
 def unsent_bytes(sock: socket.socket) -> int:
@@ -120,14 +118,13 @@ def unread_bytes(sock: socket.socket) -> int:
     return int.from_bytes(answer, sys.byteorder)
 
 
-def drop_urgent(descriptor: int) -> None:
-    """Drop the byte of urgent data of a socket, so that the next one is reported.
-
-    Raises:
-        OSError: There is none.
-    """
-    with socket.socket(fileno=os.dup(descriptor)) as sock:
-        sock.recv(1, socket.MSG_OOB | socket.MSG_DONTWAIT)
+def drop_urgent(descriptor: int) -> bool:
+    """Drop urgent data, of which the system keeps a byte. Return whether there was any."""
+    try:
+        with socket.socket(fileno=os.dup(descriptor)) as sock:
+            return bool(sock.recv(1, socket.MSG_OOB | socket.MSG_DONTWAIT))
+    except OSError:
+        return False
 
 
 def is_lost(sock: socket.socket) -> bool:
@@ -170,28 +167,24 @@ def reset_when_flushed(transport: asyncio.Transport) -> None:
     poll()
 
 
-class SocketWatch:
-    """Reports events of sockets that event loops do not report.
+class ResetWatch:
+    """Reports resets of half-closed sockets.
 
-    A reset of a half-closed socket would be detected only at the next write, and urgent data never.
-    Without epoll, nothing is reported.
-
-    Args:
-        event: `ERROR` or `URGENT`.
+    Event loops do not watch such a socket and would detect a reset only at the next write. Without
+    epoll, resets are not reported.
     """
 
-    def __init__(self, event: int) -> None:
-        self._event = event
+    def __init__(self) -> None:
         self._callbacks: dict[int, Callable[[], None]] = {}
         if sys.platform == "linux":
             self._epoll = select.epoll()
             asyncio.get_running_loop().add_reader(self._epoll.fileno(), self._on_ready)
 
     def add(self, descriptor: int, callback: Callable[[], None]) -> None:
-        """Call `callback` at each event of this socket."""
+        """Call `callback` when this socket is reset."""
         if sys.platform == "linux":
             self._callbacks[descriptor] = callback
-            self._epoll.register(descriptor, select.EPOLLET | self._event)
+            self._epoll.register(descriptor, select.EPOLLET)  # errors are always reported
 
     def discard(self, descriptor: int) -> None:
         """Stop watching this socket. Must be called before it is closed."""
@@ -207,5 +200,5 @@ class SocketWatch:
 
     def _on_ready(self) -> None:
         for descriptor, events in self._epoll.poll(0):
-            if events & self._event and (callback := self._callbacks.get(descriptor)):
+            if events & select.EPOLLERR and (callback := self._callbacks.get(descriptor)):
                 callback()

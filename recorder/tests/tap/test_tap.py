@@ -3,6 +3,7 @@
 import asyncio
 import os
 import random
+import signal
 import socket
 import struct
 import subprocess
@@ -374,6 +375,8 @@ def test_urgent_data_is_counted(run: Any, sender: Direction) -> None:
 
     async def test() -> None:
         async with Bench() as bench:
+            loop = asyncio.get_running_loop()
+            loop.add_signal_handler(signal.SIGURG, bench.tap.drop_urgent)
             ends = await bench.pair()
             one, other = ends if sender is A2C else ends[::-1]
             await send(one, b"before")

@@ -297,9 +297,9 @@ def not_repeated(x: Exchange, robot: RobotState) -> RuleResult | None:
     same = [y for y in x.concurrent if (y.name, y.request_value) == (x.name, x.request_value)]
     if not same:
         return PASSED
-    if _has_reconnected(x, same[0], robot):
-        since_ns = x.time_ns - same[0].time_ns
-        return _repeated(x, same[0], "its client has connected again", since_ns)
+    if login := _login_after(x, same[0], robot):
+        since_ns = x.time_ns - login.time_ns
+        return _repeated(x, same[0], "a client connected, and the first one is silent", since_ns)
     return tolerated(
         "A-4-2",
         "asked again",
@@ -322,17 +322,16 @@ def not_repeated_after_a_lost_link(x: Exchange, robot: RobotState) -> RuleResult
     return _repeated(x, lost.exchange, "its link had ended before its final result", since_ns)
 
 
-def _has_reconnected(x: Exchange, y: Exchange, robot: RobotState) -> bool:
-    """Whether the connection of `x` has logged in after `y`, and that of `y` is silent since."""
+def _login_after(x: Exchange, y: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the login of the connection of `x` after `y`, if that of `y` is silent since."""
     here, there = x.request.place.connection, y.request.place.connection
     logins = (z for z in robot.history.recent.get("login", ()) if z.time_ns > answered_ns(y))
     login = next((z for z in logins if z.request.place.connection == here), None)
     if here == there or login is None:
-        return False
+        return None
     requests = robot.history.last_requests.values()
-    return not any(
-        z.place.connection == there and z.place.time_ns > login.time_ns for z in requests
-    )
+    active = any(z.place.connection == there and z.place.time_ns > login.time_ns for z in requests)
+    return None if active else login
 
 
 def _repeated(x: Exchange, first: Exchange, why: str, since_ns: int) -> RuleResult:

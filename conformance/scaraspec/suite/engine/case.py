@@ -7,13 +7,14 @@ needs. This module runs nothing.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from inspect import cleandoc
-from typing import Any, Final, TypeVar
-
-import pytest
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from scaraspec.judge.requirements import Method, Requirement, requirement
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
+
+if TYPE_CHECKING:
+    import pytest
 
 MARK: Final = "scaraspec_case"
 
@@ -156,22 +157,24 @@ def _marked(case_: Case) -> Callable[[F], F]:
             purpose=purpose,
             function=function.__name__,
         )
+        import pytest  # noqa: PLC0415 - other commands than certify start sooner without it
+
         return getattr(pytest.mark, MARK)(marked)(function)  # type: ignore[no-any-return] # pytest returns what it marks
 
     return mark
 
 
-def declare_mark(config: pytest.Config) -> None:
+def declare_mark(config: "pytest.Config") -> None:
     """Register the mark of cases with pytest."""
     config.addinivalue_line("markers", f"{MARK}(case): a case of the suite")
 
 
-def is_case(item: pytest.Item) -> bool:
+def is_case(item: "pytest.Item") -> bool:
     """Whether a collected test is a case of the suite."""
     return item.get_closest_marker(MARK) is not None
 
 
-def case_of(item: pytest.Item) -> Case:
+def case_of(item: "pytest.Item") -> Case:
     """Return the case of a collected test. The id of a parametrized case has a suffix.
 
     Raises:

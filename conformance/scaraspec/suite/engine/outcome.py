@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-from hypothesis.errors import Flaky
-
 from scaraspec.judge.verdicts import Cause, Reason, Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.report.evidence import evidence_of, step_of
@@ -167,6 +165,8 @@ def root_cause(raised: BaseException | None) -> BaseException | None:
         return next(
             (each for each in inner if isinstance(each, CaseFailed | CaseInconclusive)), inner[0]
         )
+    from hypothesis.errors import Flaky  # noqa: PLC0415 - audit starts sooner without it
+
     if isinstance(raised, Flaky) and raised.__cause__:
         return root_cause(raised.__cause__)
     return raised

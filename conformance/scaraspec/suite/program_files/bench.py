@@ -50,7 +50,7 @@ EARLY_S: Final = 0.01
 """The tolerance between two clocks over a few seconds, in seconds."""
 
 _SIMULATE: Final = "simulate_program"
-_POLL_S: Final = 0.05
+_POLL_S: Final = 0.02
 _RUNS_S: Final = 5
 _SETTINGS: Final = ("tool ", "port ")  # the beginning of the lines of a listing that are not steps
 _MAX_CHARACTERS: Final = 1200

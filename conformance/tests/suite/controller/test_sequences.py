@@ -125,7 +125,7 @@ class EmptyListAfter40Requests(ControllerCore):
 
 def test_fault_after_many_requests(run_cases: RunCases) -> None:
     """A fault that appears after many requests is found; the message contains the last steps."""
-    result = run_cases(EmptyListAfter40Requests, "4.10/11", examples=4)["3/31.long-use"]
+    result = run_cases(EmptyListAfter40Requests, "4.10/11", examples=6)["3/31.long-use"]
     assert result.verdict is Verdict.FAIL
     assert " steps; " in result.message
 

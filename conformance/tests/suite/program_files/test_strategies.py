@@ -71,7 +71,7 @@ def test_every_kind_occurs(seed_of_run: int) -> None:
     numbers = {each.value[1] for _, each in found if isinstance(each, Assign)}
     assert len(numbers & set(LIMITS)) > len(LIMITS) // 2
     waits = [sum(w.seconds for w in program.block if isinstance(w, Wait)) for program in drawn]
-    assert sum(waits) == _EXAMPLES // 5
+    assert sum(waits) == _EXAMPLES // 6
 
 
 def test_programs_are_defined() -> None:
