@@ -173,8 +173,9 @@ class Dialogue:
             yield from self._forget_replies(self.robot.executing)
         else:
             may_hide_query = direction is A2C and between_frames and length_bytes == _QUERY_BYTES
+            keep_state = may_hide_query and not self._transfers.unfinished
             yield from self._mark_uncertain(
-                direction, ended=length_bytes < 0, keep_state=may_hide_query
+                direction, ended=length_bytes < 0, keep_state=keep_state
             )
         yield from self._pending_requests.drop_unseen(direction, self._now_ns)
         if direction is C2A:

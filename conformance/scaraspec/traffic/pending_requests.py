@@ -184,9 +184,12 @@ class PendingRequests:
                 yield self._drop(entry, Ending.UNANSWERED if overdue else Ending.CUT_OFF)
 
     def close(self, now_ns: int, closed_by: Direction | None) -> Iterator[Exchange]:
-        """Drop all requests: the link has ended. `closed_by` is the side that closed it first."""
+        """Drop all requests: the link has ended. `closed_by` is the side that closed it first.
+
+        If only the capture has ended, the reply to an overtaken request may have come later.
+        """
         for entry in self._open.copy():
-            if entry.due_ns < now_ns:
+            if (entry.due_ns if closed_by else entry.drop_after_ns) < now_ns:
                 ending = Ending.UNANSWERED
             elif closed_by and entry.exchange.request.frame.direction is not closed_by:
                 ending = Ending.HUNG_UP

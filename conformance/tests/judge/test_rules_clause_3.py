@@ -255,7 +255,7 @@ CASES = (
         "login\n> get_status\n> get_status\n< get_status 00\n< get_status 00",
     ),
     # After the reply time a repetition is a new attempt.
-    ("3/25", "pass 3/31", "login\n> get_status\n+6\n> get_status\n< get_status 00"),
+    ("3/25", "pass 3/31", "login\n> get_status\n+6\n> get_status\n< get_status 00\n> close"),
     ("3/26", "pass", QUERY),
     ("3/26", "tolerated A-3-16=unsolicited frame", QUERY + "< get_status 00"),
     ("3/26", "inconclusive", "> gap\n< get_status 00"),
@@ -307,7 +307,7 @@ CASES = (
     (
         "3/31",
         "tolerated A-3-9=ignored",
-        "login\n> set_digital_output 17|1\n+6\n> get_status\n< get_status 00",
+        "login\n> set_digital_output 17|1\n+6\n> get_status\n< get_status 00\n> close",
     ),
     ("3/31", "inconclusive", "login\n> get_time\n+6\n> close"),
     # A client may abort an upload after 30 s of silence, and then a late chunk is ignored (A-5-16).

@@ -91,7 +91,7 @@ CASES = (
     (
         "5.1/8",
         "pass 3/31",
-        up("chunk 0/700") + "> chunk 200/700\n+31\n> chunk 200/700\n< upload_chunk 1",
+        up("chunk 0/700") + "> chunk 200/700\n+31\n> chunk 200/700\n< upload_chunk 1\n> close",
     ),
     ("3/25", "pass", up("chunk 0/700") + "> chunk 200/700\n+6\n> = AA 52 00 CC"),
     # Bytes that a gap removed are no fault of the sender.

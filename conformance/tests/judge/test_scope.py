@@ -88,7 +88,7 @@ def test_what_cannot_be_decided(script: Script) -> None:
 
 def test_unsupported_commands(script: Script) -> None:
     """Exchanges of unsupported commands count for the client, not for the controller."""
-    events = script("login\n> get_time\n+6\n> get_status\n< get_status 00")
+    events = script("login\n> get_time\n+6\n> get_status\n< get_status 00\n> close")
     assert judged(events, EVERYTHING)[0].tallies["3/31"].verdict is Verdict.FAIL
     scope = Scope(unsupported=frozenset({"get_time"}))
     assert judged(events, scope)[0].tallies["3/31"].verdict is Verdict.PASS

@@ -454,6 +454,8 @@ def test_a_missing_query_is_known_by_its_reply(judged: Judged) -> None:
     assert judged(later.format("< get_status 00")).failed >= {"4.5/4"}
     assert judged(later.format("< emergency_stop 1")).failed == set()
     assert judged(later.format("< get_status 00").replace("gap 4", "gap 8")).failed == set()
+    uploading = later.replace("> gap", "> upload_name a\n< upload_name 1\n> gap")
+    assert judged(uploading.format("< get_status 00")).failed == set()
 
 
 def test_a_status_right_after_a_gap_may_be_old(judged: Judged) -> None:
