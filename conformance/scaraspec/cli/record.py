@@ -142,6 +142,8 @@ def command(url: str | None, **options: Any) -> None:
     hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
     """
     if options["check"]:
+        if url or [key for key, value in options.items() if value] != ["check"]:
+            raise Problem("--check cannot be combined with a URL or with other options")
         _check(Path(options["check"]))
         return
     try:

@@ -468,6 +468,7 @@ def read_until(descriptor: int, text: str) -> str:
         (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "served only on this machine"),
         (("serial:///dev/ttyX", "--mode", "tproxy"), "needs TCP on both sides"),
         (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is not a trigger"),
+        (("tcp://127.0.0.1", "--check", "x"), "--check cannot be combined"),
         (("tcp://127.0.0.1", "--on-trigger", "sh"), "--on-trigger has no effect without trigger"),
         (("tcp://127.0.0.1", "--on-trigger", "/nope"), "--on-trigger: '/nope': there is no such"),
         (("tcp://127.0.0.1", "--trigger", "gap", "--protect", "5m"), "without keep or min-free"),

@@ -223,13 +223,13 @@ def test_reply_timeout(play: Any) -> None:
 def test_a_late_reply_does_not_answer_the_next_request(play: Any) -> None:
     """The reply to run A.rob comes after its timeout, and run B.rob is refused: B has failed."""
     first = play.ask("run_program", b"A.rob")
-    play.waits(5.0)
+    play.wait_for(5.0)
     with pytest.raises(ReplyTimeout):
         first.outcome()
     second = play.ask("run_program", b"B.rob")
-    assert isinstance(play.says(0x30, b"1")[0], UnexpectedFrame)
+    assert isinstance(play.receive_frame(0x30, b"1")[0], UnexpectedFrame)
     assert not second.settled
-    play.says(0x30, b"0|01")
+    play.receive_frame(0x30, b"0|01")
     with pytest.raises(Refused):
         second.outcome()
     assert play.core.remarks[-1] == (
@@ -240,20 +240,20 @@ def test_a_late_reply_does_not_answer_the_next_request(play: Any) -> None:
 def test_a_late_reply_without_a_request(play: Any) -> None:
     """It is ignored, and the next request is answered by its own reply."""
     play.ask("get_version")
-    play.waits(5.0)
-    assert isinstance(play.says(0x08, b"old")[0], UnexpectedFrame)
+    play.wait_for(5.0)
+    assert isinstance(play.receive_frame(0x08, b"old")[0], UnexpectedFrame)
     again = play.ask("get_version")
-    play.says(0x08, b"new")
+    play.receive_frame(0x08, b"new")
     assert again.outcome() == "new"
 
 
 def test_the_link_ends_if_a_reply_cannot_be_assigned(play: Any) -> None:
     """One reply came for two requests: it may answer either of them."""
     play.ask("get_version")
-    play.waits(5.0)
+    play.wait_for(5.0)
     again, other = play.ask("get_version"), play.ask("get_time")
-    play.says(0x08, b"1.0.0")
-    play.waits(5.0)
+    play.receive_frame(0x08, b"1.0.0")
+    play.wait_for(5.0)
     with pytest.raises(ReplyTimeout):
         again.outcome()
     assert play.core.must_close
@@ -266,9 +266,9 @@ def test_the_link_ends_if_a_reply_cannot_be_assigned(play: Any) -> None:
 def test_every_reply_to_a_stop_counts(play: Any) -> None:
     """Also one that comes after the timeout: it shows that the robot is stopped."""
     play.ask("emergency_stop")
-    play.waits(5.0)
+    play.wait_for(5.0)
     again = play.ask("emergency_stop")
-    play.says(0x32, b"1")
+    play.receive_frame(0x32, b"1")
     assert again.accepted
 
 

@@ -107,8 +107,8 @@ def test_a_refused_chunk_ends_an_upload(play: Any, answer: bytes) -> None:
 
 def test_a_refused_first_chunk_names_the_likely_reading(play: Any) -> None:
     upload = play.begin(play.core.upload(b"a.rob", b"content"))
-    play.says(0x50, b"1")
-    play.says(0x52, b"0")
+    play.receive_frame(0x50, b"1")
+    play.receive_frame(0x52, b"0")
     with pytest.raises(TransferFailed, match=r"byte 0 \(L758\); .* may be endian=big"):
         upload.outcome()
 

@@ -14,7 +14,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 from scaraspec_recorder.spool.records import ControlRecord, Record, stream_number
 
-_MOST_DROPPED: Final = 3  # named in a note
+_MOST_DROPPED: Final = 3  # named in the note of a connection; all are counted
 _MISSING: Final = "records are missing"
 _NO_START: Final = "its beginning is not recorded"
 
@@ -233,14 +233,14 @@ class EventBuilder:
         dropped, reason = stream.count.unforwarded_bytes, record.note
         dropped[reason] = dropped.get(reason, 0) + record.length_bytes
         sender = "client" if stream.direction is A2C else "controller"
-        self._links[record.connection].dropped.append(
-            f"not forwarded from the {sender}: {record.length_bytes} bytes, {reason}"
-        )
+        notes = self._links[record.connection].dropped
+        if len(notes) < _MOST_DROPPED:
+            notes.append(f"not forwarded from the {sender}: {record.length_bytes} bytes, {reason}")
 
     def _note(self, record: Record) -> str:
         """Return the note of a record; at the end, with what the connection did not forward."""
         ended = record.kind in (Kind.CLOSED, Kind.RESET)
-        dropped = self._links[record.connection].dropped[:_MOST_DROPPED] if ended else ()
+        dropped = self._links[record.connection].dropped if ended else ()
         return "; ".join(filter(None, (record.note, *dropped)))
 
     def _close(self, number: int) -> None:

@@ -679,7 +679,7 @@ COMPLETE_FILES = [pcap(frames(conversation())), pcapng(frames(conversation()))]
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the file is overwritten
 @given(
-    whole=st.sampled_from(COMPLETE_FILES),
+    complete=st.sampled_from(COMPLETE_FILES),
     damage=st.lists(st.tuples(st.integers(0, 1000), st.binary(max_size=4)), min_size=1, max_size=5),
     port=st.sampled_from([8877, None]),
 )

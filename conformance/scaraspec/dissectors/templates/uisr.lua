@@ -51,6 +51,7 @@ local has_completeness, completeness_field = pcall(Field.new, "tcp.completeness"
 completeness_field = has_completeness and completeness_field or nil
 
 {% include "text.lua" %}
+{% include "fields.lua" %}
 {% include "payloads.lua" %}
 {% include "program.lua" %}
 {% include "frames.lua" %}

@@ -59,7 +59,8 @@ def _is_unambiguous(x: Exchange, robot: RobotState) -> bool:
     """Return whether the parts belong to this list: concurrent lists may mix."""
     last = robot.history.last_requests.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
-    return not x.same_opcode_pending and (last is x.request or elsewhere)
+    later = x.reply is not None and x.reply.place.time_ns < last.place.time_ns
+    return not x.same_opcode_pending and (last is x.request or elsewhere or later)
 
 
 def _is_complete(x: Exchange, robot: RobotState) -> bool:
@@ -130,6 +131,11 @@ def no_split_name(x: Exchange, robot: RobotState) -> RuleResult | None:
     return PASSED if boundaries else None
 
 
+def _has_extension(name: bytes) -> bool:
+    """Whether a name ends like those of the document (A-0-9)."""
+    return name.lower().endswith((b".rob", b".txt"))
+
+
 def _is_known(name: bytes, robot: RobotState) -> bool:
     """Whether a program of this name was uploaded, run, or set as the default program."""
     accepted = (y for kind in _NAMING for y in robot.history.recent.get(kind, ()) if y.accepted)
@@ -163,13 +169,13 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.10/3", on=Exchange, names=_LIST)
 def names_are_apart(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """No other character separates the names (L246): known names reveal it, or a line end."""
+    """No other character separates the names (L246): known names and extensions reveal it."""
     for name in listed_names(x):
         if _is_known(name, robot):
             continue
         for separator in _OTHER_SEPARATORS:
             apart = [each for each in name.split(separator) if each]
-            known = all(_is_known(each, robot) for each in apart)
+            known = all(_is_known(each, robot) or _has_extension(each) for each in apart)
             if len(apart) > 1 and (known or separator in _LINE_ENDS):
                 return failed(
                     "the names in the list are not separated by '|'",

@@ -110,10 +110,12 @@ CASES = (
     ("4.11/3", "none", session(delete("a.rob"), run("a.rob", "1"))),
     # The list began again in place of its next part; the store had changed.
     ("4.10/4", "fail", session(listed("1|a|b"), listed("1|a|c"))),
+    ("4.10/4", "fail", session(listed("1|a|b"), listed("1|a|c"), listed("1|a|c"))),
     ("4.10/4", "pass", session(listed("1|a|b"), listed("0|c|d"))),
     ("4.10/3", "fail", session(listed(r"0|a.rob\nb.rob"))),
     ("4.10/3", "fail", session(listed(r"0|a.rob\r\nb.rob"))),
     ("4.10/3", "fail 4.10/11", session(upload("a"), upload("b"), listed("0|a,b"))),
+    ("4.10/3", "fail", session(listed("0|a.rob,b.rob,c.txt"))),
     ("4.10/3", "pass", session(listed("0|a,b"))),
     ("4.10/3", "pass", session(*map(upload, ("a", "b", "a,b")), listed("0|a|b|a,b"))),
     ("4.10/3", "pass", session(listed("0|my program.rob"))),
