@@ -154,7 +154,7 @@ def _draw(results: Results, shown: Sequence[SummaryLine], console: Console) -> N
         table.add_column(heading, overflow="fold")
     for each in shown:
         case, verdict = each.case, each.case.verdict.value
-        what = "\n".join((" · ".join(filter(None, (_side(case), _what(case)))), *_remarks(each)))
+        what = "\n".join((" · ".join(filter(None, (_what(case), _side(case)))), *_remarks(each)))
         texts = map(_text, (_which(each), what, _where(case, results)))
         table.add_row(_text(verdict, _STYLES[verdict]), *texts)
     console.print()
