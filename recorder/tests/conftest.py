@@ -74,7 +74,7 @@ class Talk:
         x = 200 * (math.cos(inner) + math.cos(outer))
         y = 200 * (math.sin(inner) + math.sin(outer))
         turn = joints.inner_arm + joints.outer_arm + joints.rotation
-        running = RunningProgram(b"pick.rob", 3) if status == "01" else None
+        running = RunningProgram(b"pick.rob", 0) if status == "01" else None
         self.ask("get_status", None, status)
         self.ask("get_joint_angles", None, joints)
         self.ask("get_tool_coordinates", None, Pose(x, y, joints.wrist, turn, 0.0, 0.0))

@@ -234,6 +234,8 @@ CASES = (
     ("5.2/12", "fail", UPLOAD + REFUSED_FETCH),
     ("5.2/12", "none", UPLOAD + DELETE.format(1) + REFUSED_FETCH),
     ("5.2/12", "none", UPLOAD + "+61" + REFUSED_FETCH),
+    # An empty file need not be stored (A-5-10).
+    ("5.2/12", "none", up("chunk 0/0 len=0") + REFUSED_FETCH),
     ("5.2/12", "none", UPLOAD + "> run_program b\n< run_program 1" + REFUSED_FETCH),
     ("5.3/8", "pass", down("chunk 0/300", "chunk 200/300 len=0").replace("_chunk 1", "_chunk 0")),
     ("5.3/8", "fail", down("chunk 0/300", "chunk 200/300 len=0")),

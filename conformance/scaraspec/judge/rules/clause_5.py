@@ -404,6 +404,8 @@ def upload_is_there(x: Exchange, robot: RobotState) -> RuleResult | None:
     stored = robot.files.get(x.request.text)
     if stored is None or x.accepted is not False or not x.logged_in:
         return None
+    if not stored.received_bytes:
+        return None  # an empty file need not be stored (A-5-10)
     busy = x.concurrent or robot.executing or robot.transferring
     if busy or x.time_ns - stored.ended_ns > MAX_UNSEEN_NS:
         return None

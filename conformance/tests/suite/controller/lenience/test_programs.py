@@ -54,7 +54,7 @@ class RunClearsOutputs(StopClearsOutputs):
 def test_other_outputs_may_be_cleared(run_cases: RunCases, core: type[ControllerCore]) -> None:
     """The start of a program and a stop may clear outputs that the program does not set."""
     only = ("4/15", "6.4/5", "6.5/9", "6.5/19", "6.5/21", "6.5/24", "6.5/26", "6.6a/14")
-    assert not run_cases(core, *only, examples=20, hooks=("set_input",)).problems
+    assert not run_cases(core, *only, examples=10, hooks=("set_input",)).problems
 
 
 class _Ticks(Run):
