@@ -25,8 +25,7 @@ _JUDGED: Final = ("4/7", "4/8", "4.8/7", "4.23/5", "4.24/8", "4.27/4")
 """The requirements that a lag seems to violate."""
 _STEPS: Final = 4  # slow ones to observe the status, and fast ones to observe the pose
 _STEPS_IF_LATE: Final = 8
-_WATCHED_POSES: Final = 2  # a slow and a fast step; later ones are watched only if a state is late
-_PHASE_S: Final = 0.017  # the steps end at different moments between two samples
+_PHASE_S: Final = 0.013  # the steps end at different moments between two samples
 _POLL_S: Final = 0.005
 _ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more …
 _ARRIVED_S: Final = 0.2  # … and not later than this
@@ -36,7 +35,7 @@ _NS: Final = 1e9
 def measure(
     subject: ControllerUnderTest, line: OutgoingConnection, is_new: Callable[[], bool]
 ) -> Lag | None:
-    """Measure how long after a change the old state is reported. Call it right after the change.
+    """Measure how long a change is not reported that was made just now.
 
     Args:
         subject: The controller under test.
@@ -75,11 +74,10 @@ def probe_lag(subject: ControllerUnderTest) -> None:
         for number in range(_STEPS_IF_LATE):
             if not answer.accepted:
                 break
-            watched = bool(lags) or number < _WATCHED_POSES
-            lags += _lags_of_step(subject, line, target if watched else None)
+            lags += _lags_of_step(subject, line, target)
             if number + 1 >= (_STEPS_IF_LATE if lags else _STEPS):
                 break
-            line.wait(number * _PHASE_S)
+            line.wait((number + 1) * _PHASE_S)
             back = number % 2 == 0
             target, speed_percent = (start, None) if back else (there, SLOWEST_PERCENT)
             answer = ask_move(subject, line, target, speed_percent)
@@ -91,17 +89,14 @@ def probe_lag(subject: ControllerUnderTest) -> None:
 
 
 def _lags_of_step(
-    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose | None
+    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose
 ) -> Iterator[tuple[State, Lag]]:
-    """Yield the lags of the status at the begin of a step, and of the pose at its end.
-
-    The pose is watched only if the target of the step is given.
-    """
+    """Yield the lags of the status at the begin of a step, and of the pose at its end."""
     begin = measure(subject, line, lambda: line.ask("get_status").value != IDLE)
     if begin and not any(seen.frame.tagged for seen in line.inbox):
         yield State.STATUS, begin
     line.result(_MOVE)
-    if target and (end := _pose_lag(subject, line, target)):
+    if end := _pose_lag(subject, line, target):
         yield State.POSE, end
     measure(subject, line, lambda: line.ask("get_status").value == IDLE)
 
