@@ -213,7 +213,9 @@ def test_connections_that_are_not_judged(
     assert failed(audit(file)[1]) >= {"4.8/2"}
 
 
-UNANSWERED = "login\n> get_time\n+6\n> get_status\n< get_status 00"
+UNANSWERED = (
+    "login\n> get_time\n+6\n> get_status\n< get_status 00\n+6\n> get_status\n< get_status 00"
+)
 FAST_CLOCK = """
     login
     > get_time

@@ -132,7 +132,7 @@ def test_audit_of_field_captures(
         (lambda _: None, "No such file"),
         (lambda path: path.write_bytes(b""), "empty"),
         (lambda path: path.write_bytes(b"no capture"), "neither"),
-        (lambda path: path.mkdir(), "directory"),
+        (lambda path: path.mkdir(), "has no capture"),
     ],
 )
 def test_audit_of_a_file_that_is_not_a_capture(

@@ -25,7 +25,7 @@ PROGRAM = """
 import sys
 from scaraspec.cli import main, viewer
 viewer._OPTIONS = ("--save", sys.argv.pop(1))
-main.main()
+main()
 """
 
 pytestmark = [

@@ -69,7 +69,7 @@ _SHORT_S: Final = 0.02  # a step may take only a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _REPEATS = 15
 _FILE_BYTES: Final = 450
-_PAUSES_S: Final = (0.05, 0.05, 0.1, 0.4)
+_PAUSES_S: Final = (0.05, 0.05, 0.1, 0.8)
 """Between two checks of a stopped arm: slow motion becomes visible only after some time."""
 
 

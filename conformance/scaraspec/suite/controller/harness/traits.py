@@ -46,7 +46,7 @@ class ControllerTraits:
             that a stop does not latch it.
         latches: An emergency stop has latched it in this run.
         wrong_passwords_tried: How many wrong passwords sequences have tried.
-        stable_inputs: The digital inputs that did not change during half a second.
+        stable_inputs: The digital inputs that did not change during a second.
         no_late_reply: The commands whose malformed request it left unanswered.
         start_poses: The reported poses before the arm was moved away from the end of its travel.
         point_meaning: What the values of a point are; None if no meaning fits.

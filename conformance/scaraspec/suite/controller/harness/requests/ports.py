@@ -23,7 +23,7 @@ ALL_OUTPUTS: Final = range(1, 17)
 ALL_INPUTS: Final = range(1, 9)
 """The ports of 0x42 (L651)."""
 
-_LOOKS, _LOOK_S = 5, 0.1
+_LOOKS, _LOOK_S = 10, 0.1
 
 Bits = tuple[bool, ...]
 """The states of ports in the order of their numbers, beginning with port 1."""
@@ -161,7 +161,7 @@ def outputs_preserved(line: OutgoingConnection) -> Iterator[Bits]:
 
 
 def stable_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
-    """Return the inputs that did not change during half a second; observed once per run."""
+    """Return the inputs that did not change during a second; observed once per run."""
     traits = line.subject.traits
     if traits.stable_inputs is None:
         seen = [inputs(line)]
