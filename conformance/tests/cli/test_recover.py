@@ -115,7 +115,7 @@ def test_a_missing_file(processes: Any, tmp_path: Path) -> None:
 
 
 def test_audit_checks_the_byte_counts(processes: Any, recording: Path, fixtures_dir: Path) -> None:
-    """A file whose bytes differ from its own byte counts is inconclusive."""
+    """A file whose bytes differ from its own byte counts is not whole."""
     source = fixtures_dir / "captures" / "field" / "plant-a-morning-shift.pcapng"
     shift = recording.with_name("shift.mcap")
     processes.run("convert", str(source), str(shift))
@@ -126,4 +126,4 @@ def test_audit_checks_the_byte_counts(processes: Any, recording: Path, fixtures_
     done = processes.run("audit", str(shift))
     assert done.returncode == 3
     assert "1 streams are not what the file's own accounts say" in done.stderr
-    assert done.stdout.startswith("inconclusive")
+    assert done.stdout.startswith("no violation found in what was recorded (the file is not whole)")
