@@ -93,8 +93,9 @@ def test_another_version(earlier: tuple[Results, Path], tmp_path: Path) -> None:
 def test_nothing_to_repeat(earlier: tuple[Results, Path], tmp_path: Path) -> None:
     """Exit status 4."""
     results, path = earlier
-    counts = {verdict: int(verdict is DONE.verdict) for verdict in Verdict}
-    replace(results, cases=(DONE,), counts=counts).write(path)
+    done = results_of(DONE)
+    passed = {"cases": done.cases, "counts": done.counts, "verdict": done.verdict}
+    replace(results, **passed).write(path)
     with pytest.raises(Problem, match="nothing to repeat") as problem:
         plan(tmp_path, "--rerun-from", str(path), "--only", "4.8/2")
     assert problem.value.exit_status == 4
