@@ -94,8 +94,7 @@ def test_nothing_to_repeat(earlier: tuple[Results, Path], tmp_path: Path) -> Non
     """Exit status 4."""
     results, path = earlier
     done = results_of(DONE)
-    passed = {"cases": done.cases, "counts": done.counts, "verdict": done.verdict}
-    replace(results, **passed).write(path)
+    replace(results, cases=done.cases, counts=done.counts, verdict=done.verdict).write(path)
     with pytest.raises(Problem, match="nothing to repeat") as problem:
         plan(tmp_path, "--rerun-from", str(path), "--only", "4.8/2")
     assert problem.value.exit_status == 4
