@@ -17,7 +17,7 @@ demo: $(READY)
 	rm -rf reports/out/demo
 	$(BIN)/scaraspec demo --out reports/out/demo
 
-# Less than five minutes on two processors.
+# Eight to ten minutes on two processors; five is the aim.
 test: check
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
