@@ -220,9 +220,7 @@ def _run_and_check(
             _expect_flag_and_status(second_line, "4.9/2")
             _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
         else:
-            stop_motion(subject, line)
-            start_program(subject, line, RUN, seconds=0)
-            wait_for_result(subject, line, RUN)
+            line.result("run_program")
         expect_idle(subject, line, "the robot is not idle although run_program has ended")
         _expect_no_program(line, "a program is reported as running although it has ended")
         if first is None:
