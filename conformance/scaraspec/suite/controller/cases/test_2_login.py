@@ -14,7 +14,7 @@ from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted_time
 from scaraspec.suite.controller.harness.requests.files import begin_upload, upload
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 _CLOCK_SHIFT: Final = timedelta(days=3000)
 _PAUSE_S: Final = 0.02
-_LAST_PAUSE_S: Final = 0.05
 _CENTER: Final = Point(11.5, -7.5, 3.5)
 _RUN_S: Final = 60
 
@@ -82,7 +81,7 @@ class _UnauthenticatedClient:
             self._collect_replies(line, _PAUSE_S)
             if line.ending is not None:
                 line = self._connect()
-        self._collect_replies(line, _LAST_PAUSE_S)
+        self._collect_replies(line, MOMENT_S)
         line.close()
 
     def _connect(self) -> OutgoingConnection:

@@ -50,7 +50,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
             expected="01",
             observed=f"{status}",
         )
-    line.wait(_SHUTDOWN_S / 2)
+    line.wait(_SHUTDOWN_S)
     try:
         line.ask("get_status")
     except NoReply as error:

@@ -50,8 +50,7 @@ _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
 _RETURN_S: Final = 30.0  # a crashed controller may restart by itself within this time
 _RETURN_POLL_S: Final = 1.0
-_REFUSAL_S: Final = 0.02  # a connection that is not served is closed within this time (A-2-2) …
-_REFUSAL_RATIO: Final = 3  # … or this multiple of the time to connect
+_REFUSAL_S: Final = 0.05  # a connection that is not served is closed within this time (A-2-2)
 _CLOSED_LINES: Final = 8  # how many closed connections are remembered
 _ALWAYS: Final = ("login",)
 _DELETE, _RUNNING = "delete_program", "get_running_program"
@@ -59,7 +58,6 @@ _ALWAYS_WITH_STATE: Final = ("login", _DELETE)  # to delete the files of the sui
 _REMEDIES: Final = ("lock_joints", "reset")  # for released joints; for everything else
 
 _MAX_WRONG_PASSWORDS: Final = 5
-_NS: Final = 1e9
 
 
 class ControllerUnderTest:
@@ -133,7 +131,6 @@ class ControllerUnderTest:
         self._lines: list[OutgoingConnection] = []
         self._closed_lines: list[OutgoingConnection] = []
         self._connections = itertools.count(1)
-        self._refusal_s = _REFUSAL_S
 
     # ------------------------------------------------------------------ time
 
@@ -241,7 +238,7 @@ class ControllerUnderTest:
                 if not isinstance(error, NoReply) or line.ending is None:
                     raise
                 return error
-        elif retries and line.ends(within_s=self._refusal_s) is not None:
+        elif retries and line.ends(within_s=_REFUSAL_S) is not None:
             return NotConnected("the subject closes the connection")
         return None
 
@@ -252,7 +249,6 @@ class ControllerUnderTest:
     def _open(self, *, judged: bool) -> OutgoingConnection:
         attempts = 1 if self.off else _RECONNECTS  # the caller retries
         for attempt in range(attempts):
-            begun_ns = self.now_ns
             try:
                 link = self.access.connect()
             except LinkError as error:
@@ -263,7 +259,6 @@ class ControllerUnderTest:
                 self.access.pause(RECONNECT_S)
                 continue
             break
-        self._refusal_s = max(_REFUSAL_S, _REFUSAL_RATIO * (self.now_ns - begun_ns) / _NS)
         line = OutgoingConnection(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
         return line

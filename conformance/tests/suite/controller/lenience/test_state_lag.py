@@ -23,7 +23,7 @@ _IDS: Final = ("status", "pose", "inputs", "both")
 
 
 @pytest.mark.parametrize("sampled", _CASES, ids=_IDS)
-@pytest.mark.parametrize("period_s", [0.008, 0.1])
+@pytest.mark.parametrize("period_s", [0.008, 0.05, 0.1])
 def test_short_lag_is_tolerated(
     run_cases: RunCases, sampled: tuple[str, ...], period_s: float
 ) -> None:
@@ -65,4 +65,4 @@ def test_pose_at_its_target_is_queried_seldom(run_cases: RunCases) -> None:
             return super().get_tool_coordinates(request)
 
     assert not run_cases(Counts, "4.15/2").problems
-    assert 10 < len(queries) < 50
+    assert 24 < len(queries) < 100
