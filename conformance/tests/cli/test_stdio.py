@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli import requirements
-from scaraspec.cli.main import main
+from scaraspec.cli.main import COMMANDS, main
 from scaraspec.client import Client, ClientError
 from scaraspec.report.model import Results
 
@@ -31,7 +31,7 @@ def test_a_reader_that_stops_reading(
     assert Results.read(tmp_path / "out" / "results.json").verdict.value == "nonconformant"
 
 
-@pytest.mark.parametrize("command", ["audit", "certify", "frame", "record"])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_closed_output(command: str) -> None:
     """It is as an output whose reader has left: a status of 1 would say nonconformant."""
     words = ["sh", "-c", 'exec "$@" >&-', "sh", *SCARASPEC, command, "--help"]

@@ -1,6 +1,7 @@
 """The virtual arm: reach, and conversion between joint values and poses."""
 
 import math
+import operator
 
 import pytest
 from hypothesis import given
@@ -40,9 +41,10 @@ def test_inverse_of_forward(joints: Joints) -> None:
     """The inverse returns the same joints, if the elbow is on the same side."""
     found = inverse(forward(joints), near=joints)
     # Near the stretched arm the cosine of the elbow angle is flat, so that a rounding error has a
-    # large effect, also on the position if a joint is at its limit.
+    # large effect on the joints. At a limit the joint is moved onto it, which moves the position.
+    at_limit = any(map(operator.contains, zip(LOWER, UPPER, strict=True), found))
     assert found == pytest.approx(joints, abs=1e-4)
-    assert forward(found) == pytest.approx(forward(joints), abs=1e-4)
+    assert forward(found) == pytest.approx(forward(joints), abs=1e-4 if at_limit else 1e-6)
 
 
 @given(POSES, JOINTS)

@@ -24,12 +24,12 @@ def command(*words: str) -> TriggerCommand:
 
 def test_the_facts_of_a_trigger(tmp_path: Path) -> None:
     """They are environment variables; text from the link is no part of the command."""
-    told = tmp_path / "told"
-    script = WRITE.format(str(told), FACTS)
+    output = tmp_path / "output"
+    script = WRITE.format(str(output), FACTS)
     ran = command(*parse_command(shlex.join([sys.executable, "-S", "-c", script])))
     ran.run("refusal", "stop: '; rm -rf /\0", 1_795_215_517 * 10**9)
     ran.close()
-    assert told.read_text() == f"line-3 refusal stop: '; rm -rf / 2026-11-20T22:58:37Z {CAPTURE}"
+    assert output.read_text() == f"line-3 refusal stop: '; rm -rf / 2026-11-20T22:58:37Z {CAPTURE}"
 
 
 def test_a_failure_is_logged(caplog: pytest.LogCaptureFixture) -> None:
