@@ -127,6 +127,7 @@ class Judge:
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
         self._judge_frame = _frame_judge(scope)
+        self._is_partial = scope.selection != EVERYTHING.selection
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Process the next event; yield each traffic event, followed by its findings."""
@@ -179,7 +180,7 @@ class Judge:
     def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
         """Apply every rule for this traffic event; yield the findings other than passes."""
         self.dialect_seen.add(traffic_event)
-        if not self.scope.selection.includes(traffic_event):
+        if self._is_partial and not self.scope.selection.includes(traffic_event):
             robot.remember(traffic_event)
             return
         if isinstance(traffic_event, FrameSeen):

@@ -34,8 +34,6 @@ class Selection:
 
     def includes(self, event: TrafficEvent) -> bool:
         """Return whether an event is selected."""
-        if self is EVERYTHING:
-            return True
         place = place_of(event)
         return (
             (self.since_ns is None or place.time_ns >= self.since_ns)
