@@ -18,7 +18,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.report.translations import Language
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.traffic.selection import Selection
@@ -170,6 +170,9 @@ def _audit_several(
         for each in audit_all(captures, jobs=jobs or 0, arguments=words, **options):
             audited.append(each)
             progress(len(audited), len(captures))
+    for each in audited:
+        for note in each.notes:
+            click.echo(visible_line(f"{each.title}: {note}"), err=True)
     terminal.show_captures(((a.title, a.results, a.error) for a in audited), Console())
     raise SystemExit(_exit_status(audited))
 

@@ -72,6 +72,7 @@ def test_captures_are_listed_with_the_gravest_first(field: Path) -> None:
     assert "complaint-3.pcapng · 1 fail, 56 pass · 5.2/12: the download of big.bin" in result.stdout
     assert total == "8 captures: 4 nonconformant, 1 inconclusive, 3 no violation found"
     assert result.exit_code == 1
+    assert "plant-a-torn.pcapng: packets not in the order of time: 2\n" in result.stderr
 
 
 def test_a_file_that_cannot_be_read_is_listed(field: Path, tmp_path: Path) -> None:
