@@ -32,7 +32,8 @@ def command(before_path: Path, after_path: Path, port: int | None, *, summary: P
     Of results, failures, verdicts, readings, what was judged, settings and latency are compared. Of
     captures, how the same requests were answered and in which order they were sent, findings,
     readings and latency. Times, temperatures within 5 °C and poses within 0.2 mm are equal. Exit
-    status 0 if the behaviour is equal, 1 if it differs; settings and latency do not count.
+    status 0 if the behaviour is equal, 1 if it differs; settings and latency do not count. Without
+    a difference, 3 if a capture is incomplete, and 4 if one has no traffic of this protocol.
     """
     if _is_capture(before_path) and _is_capture(after_path):
         _compare_captures(before_path, after_path, port, summary)
@@ -78,4 +79,4 @@ def _compare_captures(
         click.echo(visible_line(line))
     with user_errors(worse=comparison.differs):
         append_summary(summary, comparison_report.capture_markdown(comparison))
-    raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)
+    raise SystemExit(comparison.exit_status)

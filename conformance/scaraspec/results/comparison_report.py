@@ -1,11 +1,20 @@
 """Output of a comparison: plain lines, and Markdown."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
 
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Case, Timing
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.results.dialogue_comparison import CaptureComparison
 from scaraspec.results.markdown import escaped, table
+
+_CONCLUSIONS: Final = {
+    ExitStatus.CONFORMANT: "no difference",
+    ExitStatus.NONCONFORMANT: "the behaviour differs",
+    ExitStatus.INCONCLUSIVE: "no difference in what was recorded",
+    ExitStatus.NOTHING_TESTED: "no traffic to compare",
+}
 
 
 def lines(comparison: Comparison) -> Iterator[str]:
@@ -19,15 +28,16 @@ def lines(comparison: Comparison) -> Iterator[str]:
 
 def markdown(comparison: Comparison) -> str:
     """Return the comparison as Markdown."""
-    return _page(comparison, _differences(comparison))
+    return _page(comparison, _differences(comparison), "no difference")
 
 
-def _page(comparison: Comparison, differing: Iterable[str]) -> str:
+def _page(comparison: Comparison, differing: Iterable[str], conclusion: str) -> str:
+    """Return a page with the differences, or without one with the conclusion."""
     differences = [f"- {escaped(line)}" for line in differing]
     parts = [
         "### scaraspec: comparison",
         "\n".join(f"- {escaped(title)}" for title in _titles(comparison)),
-        "\n".join(differences) or "No difference.",
+        "\n".join(differences) or f"{conclusion.capitalize()}.",
     ]
     if rows := list(_latencies(comparison)):
         parts.append(table(("command", "latency before", "latency after"), rows))
@@ -38,14 +48,15 @@ def capture_lines(comparison: CaptureComparison) -> Iterator[str]:
     """Yield the comparison of two captures as plain lines."""
     yield from _titles(comparison.judged)
     yield from _capture_differences(comparison)
-    yield "the behaviour differs" if comparison.differs else "no difference"
+    yield _CONCLUSIONS[comparison.exit_status]
     for command, before, after in _latencies(comparison.judged):
         yield f"latency · {command} · {before} -> {after}"
 
 
 def capture_markdown(comparison: CaptureComparison) -> str:
     """Return the comparison of two captures as Markdown."""
-    return _page(comparison.judged, _capture_differences(comparison))
+    conclusion = _CONCLUSIONS[comparison.exit_status]
+    return _page(comparison.judged, _capture_differences(comparison), conclusion)
 
 
 def _capture_differences(comparison: CaptureComparison) -> Iterator[str]:

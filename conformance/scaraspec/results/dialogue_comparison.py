@@ -11,6 +11,7 @@ from difflib import SequenceMatcher
 from typing import Any, Final, NamedTuple
 
 from scaraspec.judge.tolerances import same_meaning
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.traffic.events import Ending, Exchange
@@ -117,6 +118,17 @@ class CaptureComparison:
         readings = any(change.before and change.after for change in judged.readings)
         failures = judged.new or judged.gone or judged.changed
         return bool(self.dialogue.differs or failures or readings)
+
+    @property
+    def exit_status(self) -> ExitStatus:
+        """The exit status: without a difference, what is missing in a capture decides."""
+        if self.differs:
+            return ExitStatus.NONCONFORMANT
+        sessions = [each.session for each in (self.judged.before, self.judged.after)]
+        if not all(session and session.frames for session in sessions):
+            return ExitStatus.NOTHING_TESTED
+        missing = any(session and session.missing for session in sessions)
+        return ExitStatus.INCONCLUSIVE if missing else ExitStatus.CONFORMANT
 
 
 def compare_dialogues(before: Dialogue, after: Dialogue) -> DialogueComparison:

@@ -35,6 +35,10 @@ SESSION = """
 """
 
 
+SECTION_HEADER_BYTES = 164
+"""The first block of the pcapng captures, before any packet."""
+
+
 @pytest.fixture
 def compared(tmp_path: Path, script: Callable[[str], list[WireEvent]]) -> Callable[..., Result]:
     """Compare the session with one in which some lines are replaced."""
@@ -121,6 +125,26 @@ def test_a_loss_is_no_difference(fixtures_dir: Path) -> None:
     result = CliRunner().invoke(group, ["compare", *files])
     assert "answered differently" not in result.output
     assert "request · shutdown" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("kept", "status", "line"),
+    [
+        (slice(-1), 3, "no difference in what was recorded"),
+        (slice(SECTION_HEADER_BYTES), 4, "no traffic to compare"),
+    ],
+)
+def test_what_was_not_recorded(
+    fixtures_dir: Path, tmp_path: Path, kept: slice, status: int, line: str
+) -> None:
+    """Equal captures that are incomplete or empty are no proof of equal behaviour."""
+    whole = fixtures_dir / "captures" / "field" / "plant-a-morning-shift.pcapng"
+    path, page = tmp_path / "part.pcapng", tmp_path / "page.md"
+    path.write_bytes(whole.read_bytes()[kept])
+    result = CliRunner().invoke(group, ["compare", f"{path}", f"{path}", "--summary", f"{page}"])
+    assert result.exit_code == status, result.output
+    assert line in result.output
+    assert f"\n{line.capitalize()}.\n" in page.read_text("utf-8")
 
 
 def test_other_files(fixtures_dir: Path, tmp_path: Path, refused: Callable[..., str]) -> None:
