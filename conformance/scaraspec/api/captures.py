@@ -68,8 +68,13 @@ class Capture:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is missing in the file; known after an iteration."""
+        """Whether the file is not damaged; known after an iteration."""
         return self._source.summary.whole
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing in what was captured; known after an iteration."""
+        return self._source.summary.complete
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import click
 from rich.console import Console
@@ -18,9 +18,9 @@ from scaraspec.judge.verdicts import ExitStatus, Finding, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.formatting import duration
 from scaraspec.report.model import CommandSeen, Timing
-from scaraspec.report.sanitizing import visible
+from scaraspec.report.sanitizing import visible_line
 from scaraspec.report.session import SessionStats
-from scaraspec.tables.files import json_line, table_folder, utc_text
+from scaraspec.tables.files import json_line, table_folders, utc_text
 from scaraspec.tables.rows import SIDES, RowBuilder
 from scaraspec.tables.schema import TABLES, FrameRow, Row
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
@@ -70,10 +70,12 @@ def command(  # noqa: PLR0913 - one for each option
 
     Each line has the time (UTC), the connection, who sent the request, the command with its
     arguments, the first reply, the final result, and how long it took. Findings follow the line
-    that they are about. Exit status 3 if FILE is incomplete or bytes were not captured.
+    that they are about. Exit status 3 if FILE is incomplete or bytes were not captured, 4 if it has
+    no traffic of this protocol.
     """
     selection = Selection(since, until, connection or "", commands)
     folders = [(d, suffix) for d, suffix in ((csv_dir, "csv"), (parquet_dir, "parquet")) if d]
+    names = [name for name in TABLES if frames or name != "frames"]
     text = None if folders or as_json or latency else _Text(frames=frames)
     hidden = bool(text or as_json)
 
@@ -87,20 +89,22 @@ def command(  # noqa: PLR0913 - one for each option
         if as_json:
             rows.outputs.append(lambda row: click.echo(json_line(row)))
         with (
-            _table_outputs(rows, folders, frames=frames),
+            table_folders(folders, names) as tables,
             shown_share("reading", hidden=hidden) as progress,
         ):
-            interrupted = _read(capture, selected, takers, progress)
-            rows.finish(capture, interrupted=interrupted)
-    if interrupted:
+            rows.outputs += [each.add for each in tables]
+            reading = _read(capture, selected, takers, progress)
+            rows.finish(capture, interrupted=reading.interrupted)
+    if reading.interrupted:
         raise KeyboardInterrupt
     if latency:
         _print_latencies(rows.stats)
     for note in capture.notes:
-        click.echo(visible(f"{file}: {note}"), err=True)
-    session = rows.stats.session()
-    if not capture.whole or (session and session.losses):
+        click.echo(visible_line(f"{file}: {note}"), err=True)
+    if not capture.complete:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
+    if not reading.steps:
+        raise SystemExit(ExitStatus.NOTHING_TESTED)
 
 
 def _wait() -> bool:
@@ -169,16 +173,11 @@ class _Rows:
             output(row)
 
 
-@contextmanager
-def _table_outputs(
-    rows: _Rows, folders: Sequence[tuple[Path, str]], *, frames: bool
-) -> Iterator[None]:
-    """Let folders of tables, each with the suffix of its files, take the rows."""
-    names = [name for name in TABLES if frames or name != "frames"]
-    with ExitStack() as opened:
-        for folder, suffix in folders:
-            rows.outputs.append(opened.enter_context(table_folder(folder, suffix, names)).add)
-        yield
+class _Reading(NamedTuple):
+    """How many steps were read, and whether Ctrl-C ended it."""
+
+    steps: int
+    interrupted: bool
 
 
 def _read(
@@ -186,18 +185,19 @@ def _read(
     selected: Callable[[Step], bool],
     takers: Sequence[Callable[[Step], None]],
     progress: Callable[[int, int], None],
-) -> bool:
-    """Pass the selected steps on until the end or Ctrl-C; return whether it was Ctrl-C."""
+) -> _Reading:
+    """Pass the selected steps on, until the end or Ctrl-C."""
+    count = 0
     size_bytes = capture.path.stat().st_size
     with suppress(KeyboardInterrupt):
-        for number, step in enumerate(capture.steps()):
-            if number % _STEPS_PER_UPDATE == 0:
+        for count, step in enumerate(capture.steps(), 1):
+            if count % _STEPS_PER_UPDATE == 0:
                 progress(capture.read_bytes, size_bytes)
             if selected(step):
                 for take in takers:
                     take(step)
-        return False
-    return True
+        return _Reading(count, interrupted=False)
+    return _Reading(count, interrupted=True)
 
 
 def _is_routine(step: Step) -> bool:
@@ -226,7 +226,7 @@ class _Text:
         if text := self._text(event, always=bool(findings)):
             self._print(event, text)
         for finding in findings:
-            click.echo(visible(f"    {_finding_text(finding)}"))
+            click.echo(visible_line(f"    {_finding_text(finding)}"))
 
     def _text(self, event: TrafficEvent, *, always: bool) -> str:
         """Return the text of an event; empty for a frame unless frames are printed `always`."""
@@ -244,7 +244,7 @@ class _Text:
             self._day = day
             click.echo(f"{day} (UTC)")
         line = f"{clock[:15]}  {place.connection}  {SIDES[place.direction]:10}  {text}"
-        click.echo(visible(line))
+        click.echo(visible_line(line))
 
 
 def _finding_text(finding: Finding) -> str:
@@ -266,7 +266,7 @@ def _print_latencies(stats: SessionStats) -> None:
     for seen, stage, timing in _timings(session.exchanges if session else ()):
         times = (timing.p50_ms, timing.p95_ms, timing.p99_ms, timing.max_ms)
         shown = ("" if each is None else duration(each) for each in times)
-        table.add_row(visible(seen.name), stage, f"{timing.count}", *shown)
+        table.add_row(visible_line(seen.name), stage, f"{timing.count}", *shown)
     Console().print(table)
 
 

@@ -3,7 +3,7 @@
 import csv
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -168,15 +168,40 @@ class TableFolder:
                 closing.enter_context(_names(table.path))
                 closing.callback(table.close)
 
+    def discard(self) -> None:
+        """Remove the files."""
+        for table in self._tables.values():
+            table.close()
+            table.path.unlink()
+
 
 @contextmanager
-def table_folder(folder: Path, suffix: str, names: Iterable[str]) -> Iterator[TableFolder]:
-    """Open a `TableFolder`; its files are complete when the context ends, also after an error."""
-    tables = TableFolder(folder, suffix, names)
+def table_folders(
+    folders: Sequence[tuple[Path, str]], names: Sequence[str]
+) -> Iterator[list[TableFolder]]:
+    """Open folders of tables; the files are complete when the context ends, also after an error.
+
+    Args:
+        folders: The folders, each with the suffix of its files. If one cannot be used, no file of
+            the others remains.
+        names: The tables.
+
+    Raises:
+        OSError: A folder cannot be used, has one of the files already, or cannot be written.
+        ImportError: A format needs an extra; the message names it.
+    """
+    opened: list[TableFolder] = []
     try:
-        yield tables
-    finally:
-        tables.close()
+        for folder, suffix in folders:
+            opened.append(TableFolder(folder, suffix, names))
+    except (OSError, ImportError):
+        for tables in opened:
+            tables.discard()
+        raise
+    with ExitStack() as closing:
+        for tables in opened:
+            closing.callback(tables.close)
+        yield opened
 
 
-__all__ = ["SCHEMA", "TableFolder", "json_line", "table_folder", "utc_text"]
+__all__ = ["SCHEMA", "TableFolder", "json_line", "table_folders", "utc_text"]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from click.testing import CliRunner, Result
 
 from scaraspec.cli.main import group
 from scaraspec.tables.schema import TABLES, columns
+
+EMPTY_PCAP = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
 
 
 @pytest.fixture
@@ -103,6 +106,16 @@ def test_an_incomplete_capture(field: Path) -> None:
     assert result.exit_code == 3
     assert "8 bytes from the controller are missing: not captured" in result.stdout
     assert "not in the order of time" in result.stderr
+    assert run(field / "plant-a-torn.pcapng", "--command", "run_program").exit_code == 3
+
+
+def test_a_capture_without_traffic(tmp_path: Path) -> None:
+    """Nothing was read, which is not success."""
+    capture = tmp_path / "empty.pcap"
+    capture.write_bytes(EMPTY_PCAP)
+    result = run(capture)
+    assert result.exit_code == 4
+    assert "no TCP connection on port 8877" in result.stderr
 
 
 def test_existing_files_stay(field: Path, tmp_path: Path, refused: Callable[..., str]) -> None:
@@ -112,6 +125,16 @@ def test_existing_files_stay(field: Path, tmp_path: Path, refused: Callable[...,
     assert message == f"scaraspec: {tmp_path / 'sessions.csv'} exists: name another folder\n"
     assert [file.name for file in tmp_path.glob("*.csv")] == ["sessions.csv"]
     assert (tmp_path / "sessions.csv").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_used(
+    field: Path, tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    """The files in the other folder are removed: they would have no rows."""
+    (tmp_path / "taken").touch()
+    options = ("--csv", str(tmp_path / "csv"), "--parquet", str(tmp_path / "taken"))
+    refused("exchanges", str(field / "complaint-1.pcapng"), *options)
+    assert not list((tmp_path / "csv").iterdir())
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.tables.files import TableFolder, json_line, table_folder, utc_text
+from scaraspec.tables.files import TableFolder, json_line, table_folders, utc_text
 from scaraspec.tables.schema import LossRow
 
 LOSS = LossRow(
@@ -36,7 +36,7 @@ def test_json_names_the_table() -> None:
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@x", "\tx"])
 def test_no_text_is_a_formula_in_a_spreadsheet(tmp_path: Path, text: str) -> None:
-    with table_folder(tmp_path, "csv", ("losses",)) as tables:
+    with table_folders([(tmp_path, "csv")], ["losses"]) as (tables,):
         tables.add(replace(LOSS, reason=text))
     with (tmp_path / "losses.csv").open(encoding="utf-8-sig", newline="") as file:
         (row,) = csv.DictReader(file)
