@@ -25,6 +25,7 @@ from scaraspec.user_message import UserMessage
 
 __all__ = [
     "REQUIREMENTS",
+    "SUCCESS",
     "Basis",
     "Binds",
     "LineRange",
@@ -39,6 +40,20 @@ __all__ = [
 
 REQUIREMENTS: Mapping[str, Requirement] = MappingProxyType({entry.id: entry for entry in CATALOGUE})
 """Every requirement by its id, in the order of the document."""
+
+SUCCESS: Mapping[str, str] = MappingProxyType(
+    {
+        "run_program": "4.15/5",
+        "simulate_program": "4.16/3",
+        "emergency_stop": "4.17/4",
+        "reset": "4.18/4",
+        "set_tool_coordinates": "4.24/6",
+        "release_joints": "4.25/3",
+        "lock_joints": "4.26/3",
+        "jog": "4.28/5",
+    }
+)
+"""The requirement on the final result of a success, by command."""
 
 _LONGEST_NAME = 32  # far above any id: bounds the search for similar names in hostile input
 

@@ -1,5 +1,6 @@
 """Clause 3: frames, tags, and final results. The module `replies` judges first replies."""
 
+from scaraspec.judge.requirements import SUCCESS
 from scaraspec.judge.rules.diagnosis import Fault, diagnose
 from scaraspec.judge.rules.rule import (
     PASSED,
@@ -9,7 +10,6 @@ from scaraspec.judge.rules.rule import (
     rule,
     tolerated,
 )
-from scaraspec.judge.rules.two_stage import SUCCESS
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
 from scaraspec.protocol.direction import A2C, C2A

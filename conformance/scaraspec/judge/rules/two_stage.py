@@ -5,6 +5,7 @@ The module `busy` checks the replies of a busy robot, `stop` the emergency stop.
 
 from typing import Final
 
+from scaraspec.judge.requirements import SUCCESS
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, inconclusive, rule, tolerated
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
@@ -19,17 +20,6 @@ TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
 _LASTING_COMMANDS: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
-SUCCESS: Final = {
-    "run_program": "4.15/5",
-    "simulate_program": "4.16/3",
-    "emergency_stop": "4.17/4",
-    "reset": "4.18/4",
-    "set_tool_coordinates": "4.24/6",
-    "release_joints": "4.25/3",
-    "lock_joints": "4.26/3",
-    "jog": "4.28/5",
-}
-"""The requirement on the final result of a success, by command."""
 _QUERIES: Final = ("get_status", "get_time", "get_version")
 _IMMEDIATE_NS: Final = 50_000_000
 _LONG_NS: Final = 1_000_000_000

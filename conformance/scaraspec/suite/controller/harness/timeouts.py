@@ -6,23 +6,12 @@ case has. A case that runs alone waits for the full timeout.
 """
 
 from collections import Counter
-from collections.abc import Mapping
 from typing import Final, NamedTuple
+
+from scaraspec.judge.requirements import SUCCESS
 
 ANSWERED: Final = "3/31"
 """The requirement that every request is answered."""
-
-SUCCESS: Final[Mapping[str, str]] = {
-    "run_program": "4.15/5",
-    "simulate_program": "4.16/3",
-    "emergency_stop": "4.17/4",
-    "reset": "4.18/4",
-    "set_tool_coordinates": "4.24/6",
-    "release_joints": "4.25/3",
-    "lock_joints": "4.26/3",
-    "jog": "4.28/5",
-}
-"""The requirement that success is reported by the tagged result "11"."""
 
 _TWICE: Final = 2
 _REPLY_S: Final = 1.0

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from scaraspec.judge.requirements import SUCCESS
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.suite.controller.harness.controller_under_test import (
@@ -16,7 +17,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
     wait_for_end,
 )
-from scaraspec.suite.controller.harness.timeouts import SUCCESS, ExpectedReply
+from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.controller.harness.two_stage.commands import LOCK, RELEASE, STOP, begin
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
