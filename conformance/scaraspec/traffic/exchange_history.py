@@ -59,6 +59,8 @@ class ExchangeHistory:
         """Since when the robot is idle, as far as results and statuses show; None if unknown."""
         self.idle_seen_ns = -1
         """When a status 00 or a final result last showed that the robot is idle."""
+        self.idle_status_ns = -1
+        """When a status 00 last showed that the robot is idle."""
 
     def last(self, name: str, *, before_ns: int | None = None) -> Exchange | None:
         """Return the last answered exchange of a command, if given before a time; else None."""
@@ -166,7 +168,7 @@ class ExchangeHistory:
         if code is None or code.kind is not errors.Kind.IDLE:
             self.idle_since_ns = None
         elif not busy:
-            self.idle_seen_ns = answered_ns(x)
+            self.idle_seen_ns = self.idle_status_ns = answered_ns(x)
             self.idle_since_ns = self.idle_since_ns or self.idle_seen_ns
 
     def begun(self, exchange: Exchange) -> None:

@@ -50,8 +50,11 @@ def idle(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 @rule("4.8/3", on=Exchange, names=_STATUS)
 def idle_between(x: Exchange, robot: RobotState) -> RuleResult | None:
-    """A robot that is idle before and after, and executed nothing, is idle between (L1017)."""
-    first = robot.history.idle_seen_ns
+    """A robot that is idle before and after, and executed nothing, is idle between (L1017).
+
+    A final result does not suffice: the status may follow it late, which 4/7 judges.
+    """
+    first = robot.history.idle_status_ns
     if x.reply_value != "00" or robot.executing or robot.transferring:
         return None
     if not 0 <= x.time_ns - first <= _MOMENT_NS or any(

@@ -161,7 +161,7 @@ def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
     for y in robot.history.between("get_running_program", begin_ns, x.time_ns):
-        if y.reply_value:
+        if y.reply_value and not _may_be_late(y, robot):
             return _runs_although_idle(y, x)
     return None
 
@@ -169,17 +169,24 @@ def no_program_when_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.9/6", on=Exchange, names=_INFO)
 def no_program_after_idle(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot whose status is 00 right before, after all results, runs no program (L226, L237)."""
-    status, ended = robot.history.last("get_status", before_ns=x.time_ns), robot.history.accepted
+    status = robot.history.last("get_status", before_ns=x.time_ns)
     idle = robot.history.idle_since_ns is not None and not robot.executing
     if status is None or status.reply_value != "00" or not idle or not x.reply_value:
         return None
     if x.time_ns - answered_ns(status) > _RIGHT_AFTER_NS:
         return None
-    since_ns = x.time_ns - robot.status_lag_ns
-    if ended and (ended[-1].result is None or ended[-1].result.place.time_ns > since_ns):
-        return None  # it may be the state of before (A-4.8-3)
+    if _may_be_late(x, robot):
+        return None
     begun = any(robot.history.is_pending(name, x.time_ns - _BEGIN_NS) for name in (_RUN, _SIMULATE))
     return None if begun else _runs_although_idle(x, status)
+
+
+def _may_be_late(x: Exchange, robot: RobotState) -> bool:
+    """Whether the reply may report the state before the last final result (A-4.8-3)."""
+    ended = robot.history.accepted[-1] if robot.history.accepted else None
+    if ended is None:
+        return False
+    return ended.result is None or ended.result.place.time_ns > x.time_ns - robot.status_lag_ns
 
 
 def _runs_although_idle(x: Exchange, status: Exchange) -> RuleResult:

@@ -64,6 +64,18 @@ IDLE_ELSEWHERE = """
     2> {second}
     2< {second} {reply}
 """
+LATE_AFTER_RESULT = """
+    login
+    > reset
+    < reset 1
+    +1.1
+    <90 reset 11
+    > get_status
+    < get_status 03
+    +0.03
+    > get_status
+    < get_status 00
+"""
 IDLE = """
     login
     > get_status
@@ -281,6 +293,7 @@ CASES = (
     ("4.8/3", "pass", FLICKER.format(before="", pause=2, then="")),
     ("4.8/3", "pass", FLICKER.format(before="", pause=0.2, then="> reset")),
     ("4.8/3", "pass", FLICKER.format(before=SHORT_RESET, pause=0.2, then="")),
+    ("4.8/3", "pass", LATE_AFTER_RESULT),  # 4/7 judges the status after a final result
     ("4.17/6", "fail 4.17/7", STOPPED_AND_BUSY.format(pause=1, then="")),
     ("4.17/7", "fail 4.17/6", STOPPED_AND_BUSY.format(pause=1, then="")),
     ("4/15", "fail 4.17/6 4.17/7", STOPPED_AND_BUSY.format(pause=1, then=REFUSED_AS_BUSY)),
