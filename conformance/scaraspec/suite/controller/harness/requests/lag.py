@@ -25,10 +25,10 @@ _JUDGED: Final = ("4/7", "4/8", "4.8/7", "4.23/5", "4.24/8", "4.27/4")
 """The requirements that a lag seems to violate."""
 _STEPS: Final = 4  # slow ones to observe the status, and fast ones to observe the pose
 _STEPS_IF_LATE: Final = 8
-_WATCHED_POSES: Final = 2  # a slow and a fast step; later ones are watched only if a state is late
-_PHASE_S: Final = 0.017  # the steps end at different moments between two samples
+_PHASE_S: Final = 0.013  # the steps end at different moments between two samples
 _POLL_S: Final = 0.005
-_ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more
+_ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more …
+_ARRIVED_S: Final = 0.2  # … and not later: an arm was farther from its target that long ago
 _NS: Final = 1e9
 
 
@@ -74,11 +74,10 @@ def probe_lag(subject: ControllerUnderTest) -> None:
         for number in range(_STEPS_IF_LATE):
             if not answer.accepted:
                 break
-            watched = bool(lags) or number < _WATCHED_POSES
-            lags += _lags_of_step(subject, line, target if watched else None)
+            lags += _lags_of_step(subject, line, target)
             if number + 1 >= (_STEPS_IF_LATE if lags else _STEPS):
                 break
-            line.wait(number * _PHASE_S)
+            line.wait((number + 1) * _PHASE_S)
             back = number % 2 == 0
             target, speed_percent = (start, None) if back else (there, SLOWEST_PERCENT)
             answer = ask_move(subject, line, target, speed_percent)
@@ -90,17 +89,14 @@ def probe_lag(subject: ControllerUnderTest) -> None:
 
 
 def _lags_of_step(
-    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose | None
+    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose
 ) -> Iterator[tuple[State, Lag]]:
-    """Yield the lags of the status at the begin of a step, and of the pose at its end.
-
-    The pose is watched only if the target of the step is given.
-    """
+    """Yield the lags of the status at the begin of a step, and of the pose at its end."""
     begin = measure(subject, line, lambda: line.ask("get_status").value != IDLE)
     if begin and not any(seen.frame.tagged for seen in line.inbox):
         yield State.STATUS, begin
     line.result(_MOVE)
-    if target and (end := _pose_lag(subject, line, target)):
+    if end := _pose_lag(subject, line, target):
         yield State.POSE, end
     measure(subject, line, lambda: line.ask("get_status").value == IDLE)
 
@@ -109,11 +105,12 @@ def _pose_lag(subject: ControllerUnderTest, line: OutgoingConnection, target: Po
     """Measure for how long the pose still changes after the end of a step; None if it does not.
 
     An arm that decelerates shows the last part of the lag only by the least digits of its pose. A
-    pose that is at the target from the beginning is queried less often.
+    pose that is at the target from the beginning is queried less often and for a shorter time.
     """
     ended_ns, poses = subject.now_ns, [(0.0, pose_of(line))]
-    poll_s = _ARRIVED_POLL_S if same_place(poses[0][1], target) else _POLL_S
-    while poses[-1][0] < LONGEST_S:
+    arrived = same_place(poses[0][1], target)
+    poll_s, longest_s = (_ARRIVED_POLL_S, _ARRIVED_S) if arrived else (_POLL_S, LONGEST_S)
+    while poses[-1][0] < longest_s:
         line.wait(poll_s)
         poses.append(((subject.now_ns - ended_ns) / _NS, pose_of(line)))
     line.wait(_POLL_S)
