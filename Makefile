@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark check bench soak trust pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark test-archive check bench soak trust pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -75,6 +75,10 @@ test-viewer: $(READY)
 test-wireshark: $(READY)
 	@command -v tshark >/dev/null || { echo "make $@ needs tshark, which is not installed" >&2; exit 1; }
 	$(BIN)/pytest -m wireshark conformance/tests/dissectors
+
+# Tests of archives on an S3 server with Dask workers, all on loopback.
+test-archive: $(READY)
+	$(BIN)/pytest -m archive conformance/tests/cli
 
 # Both folders of tests have a module tests.conftest, so that mypy checks them one after the other.
 check: $(READY)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scaraspec.api import certify
+    from scaraspec.api.archives import archive_report, build_archive, query_archive
     from scaraspec.api.auditing import audit
     from scaraspec.api.captures import open_capture
     from scaraspec.api.certificates import certification, verify_package, write_certificate
@@ -44,7 +45,9 @@ __all__ = [
     "Results",
     "RobotConfig",
     "Role",
+    "archive_report",
     "audit",
+    "build_archive",
     "case_sheets",
     "cases_to_repeat",
     "certification",
@@ -57,6 +60,7 @@ __all__ = [
     "open_capture",
     "prove",
     "prove_dialects",
+    "query_archive",
     "read_waivers",
     "record",
     "replay",
@@ -78,7 +82,9 @@ _MODULES = {
     "Results": "scaraspec.report.model",
     "RobotConfig": "scaraspec_recorder.config",
     "Role": "scaraspec.report.model",
+    "archive_report": "scaraspec.api.archives",
     "audit": "scaraspec.api.auditing",
+    "build_archive": "scaraspec.api.archives",
     "case_sheets": "scaraspec.suite.engine.case_sheet",
     "cases_to_repeat": "scaraspec.suite.engine.earlier_sitting",
     "check_ics": "scaraspec.api.statements",
@@ -90,6 +96,7 @@ _MODULES = {
     "open_capture": "scaraspec.api.captures",
     "prove": "scaraspec.api.proving",
     "prove_dialects": "scaraspec.api.proving",
+    "query_archive": "scaraspec.api.archives",
     "read_waivers": "scaraspec.api.results",
     "record": "scaraspec.api.recording",
     "replay": "scaraspec.api.replaying",

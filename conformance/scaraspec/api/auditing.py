@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -51,6 +52,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     selection: Selection = ALL_TRAFFIC,
     reproduction: str = "",
     progress: Callable[[int, int], None] = lambda _read, _size: None,
+    observe: Callable[[TrafficEvent | Finding], None] = lambda _item: None,
 ) -> tuple[Results, tuple[str, ...]]:
     """Judge a capture: an MCAP recording, or a pcap or pcapng of any client and controller.
 
@@ -70,6 +72,8 @@ def audit(  # noqa: PLR0913 - independent options of an audit
             the state of the robot.
         reproduction: The command that repeats the audit, for the report.
         progress: Called from time to time with the bytes read so far and the size of the files.
+        observe: Called with each traffic event, and at the end with the findings of the results
+            other than passes: of each requirement and verdict the first 50.
 
     Returns:
         The results, and one sentence for each defect of the file. If the file is not whole, the
@@ -97,7 +101,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         scope = replace(scope, undecidable=scope.undecidable | _ON_PASSWORDS)
     judge = Judge(ics.dialect, needs_login=not serial, scope=scope)
     replay = reproduction or shlex.join(["scaraspec", "audit", *map(str, files)])
-    listener = _Listener(judge, ics)
+    listener = _Listener(judge, ics, observe)
     interrupted = False
     try:
         for number, event in enumerate(capture):
@@ -121,6 +125,8 @@ def audit(  # noqa: PLR0913 - independent options of an audit
         judge.discredit(capture.summary.unreliable)
     one_sided = listener.stats.one_sided()
     judge.drop_unseen(one_sided.keys())
+    for finding in chain.from_iterable(tally.findings for tally in judge.tallies.values()):
+        listener.observe(finding)
     results = from_audit(
         judge,
         listener.stats,
@@ -200,13 +206,17 @@ class _Listener:
 
     Attributes:
         stats: The statistics of the traffic, with the evidence of the findings that count.
+        observe: Called with each traffic event.
         served: For each command that the ICS calls unsupported, and whose requests show it:
             whether the controller answers it.
         unjudged: The connections that are not judged.
     """
 
-    def __init__(self, judge: Judge, ics: Ics) -> None:
+    def __init__(
+        self, judge: Judge, ics: Ics, observe: Callable[[TrafficEvent | Finding], None]
+    ) -> None:
         self.stats = SessionStats()
+        self.observe = observe
         self.served: dict[str, bool] = {}
         self.unjudged: set[str] = set()
         self._refuting: dict[str, Exchange] = {}
@@ -225,6 +235,7 @@ class _Listener:
             if not isinstance(item, Finding):
                 event = item
                 self._check_claim(item)
+                self.observe(item)
             elif event is None or not self._scope.includes(item.requirement, event):
                 continue
             self.stats.add(item)

@@ -60,7 +60,9 @@ def find_captures(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     found: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
-            files = sorted(file for file in path.rglob("*") if file.is_file() and _is_capture(file))
+            files = sorted(
+                file for file in path.rglob("*") if file.is_file() and is_capture(file.name)
+            )
         elif path.exists() or not any(char in f"{path}" for char in "*?["):
             files = [path]
         else:
@@ -73,9 +75,10 @@ def find_captures(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     return recordings(found)
 
 
-def _is_capture(file: Path) -> bool:
-    name = file.with_suffix("").name if file.suffix.lower() in _PACKED else file.name
-    return Path(name).suffix.lower() in _SUFFIXES
+def is_capture(name: str) -> bool:
+    """Whether a file has the name of a capture: MCAP, pcap or pcapng, also compressed."""
+    path = Path(name.lower())
+    return (path.with_suffix("") if path.suffix in _PACKED else path).suffix in _SUFFIXES
 
 
 def audit_all(

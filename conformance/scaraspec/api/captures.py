@@ -127,7 +127,7 @@ class Capture:
                 stats.add(item)
                 if row := builder.take(item):
                     yield row
-        yield from builder.finish(stats, whole=self.whole, notes=self.notes)
+        yield from builder.finish(stats.session(), whole=self.whole, notes=self.notes, verdict=None)
 
     def steps(self) -> Iterator[Step]:
         """Yield the traffic events, each with the findings about it.

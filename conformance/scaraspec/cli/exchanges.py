@@ -165,7 +165,8 @@ class _Rows:
         """Pass on the rows of the connections and of the file."""
         notes = (*capture.notes, *(["interrupted"] if interrupted else []))
         whole = capture.whole and not interrupted
-        for row in self._builder.finish(self.stats, whole=whole, notes=notes):
+        session = self.stats.session()
+        for row in self._builder.finish(session, whole=whole, notes=notes, verdict=None):
             self._pass_on(row)
 
     def _pass_on(self, row: Row) -> None:

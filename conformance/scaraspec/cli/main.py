@@ -17,6 +17,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
 
 COMMANDS = {
+    "archive": "Keep the traffic of many robots in one archive, and query it.",
     "audit": "Judge a capture: MCAP, pcap or pcapng.",
     "call": "Send one command to a controller.",
     "cases": "Show the cases of the suite; write the test specification.",

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.fields import show
-from scaraspec.report.session import SessionStats
+from scaraspec.report.model import Session
 from scaraspec.tables.schema import (
     ExchangeRow,
     FileRow,
@@ -52,15 +52,17 @@ class RowBuilder:
             case _:
                 return None
 
-    def finish(self, stats: SessionStats, *, whole: bool, notes: tuple[str, ...]) -> Iterator[Row]:
+    def finish(
+        self, session: Session | None, *, whole: bool, notes: tuple[str, ...], verdict: str | None
+    ) -> Iterator[Row]:
         """Yield the rows that are known at the end: those of the connections, and of the file.
 
         Args:
-            stats: The statistics of all items.
+            session: The statistics of all items; None without items.
             whole: Whether nothing is missing in the file.
             notes: What is missing or unusual.
+            verdict: The verdict about the file; None if it was not judged.
         """
-        session = stats.session()
         for each in session.connections if session else ():
             yield SessionRow(
                 file=self._file,
@@ -79,6 +81,7 @@ class RowBuilder:
             ended_ns=session.ended_ns if session else None,
             whole=whole,
             notes="; ".join(notes),
+            verdict=verdict,
         )
 
     def _frame(self, seen: FrameSeen) -> FrameRow:

@@ -32,6 +32,9 @@ class FileRow:
         bool, "Whether the file is not damaged; `losses` has bytes that were not captured."
     ]
     notes: Annotated[str, "What is missing or unusual, one sentence for each."]
+    verdict: Annotated[
+        str | None, "The verdict of `audit`, or `unreadable`; empty if the file was not judged."
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

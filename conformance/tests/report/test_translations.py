@@ -70,6 +70,7 @@ def test_no_unused_translations() -> None:
     computed = {member.value for kind in kinds for member in kind}
     computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}
     computed |= {f"operator_{answer.value}" for answer in OperatorAnswer}
+    computed.add("both")  # the side of a finding about client and controller
     left = [
         key
         for key in TRANSLATIONS
