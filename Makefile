@@ -26,8 +26,9 @@ FAST := $(addprefix conformance/tests/,protocol traffic judge report mutants) co
 test-fast: $(READY)
 	$(BIN)/pytest -q -n $(WORKERS) --dist worksteal $(FAST)
 
-# Tests with long runs that few changes concern: the tutorial, the installation of the wheel, and the
-# whole suite with less than all hazards allowed.
+# Tests with long runs that few changes concern: the tutorial, the examples of the documentation, the
+# installation of the wheel, a foreign repository, killed runs and recorders, scripts that repeat a
+# failure, and the whole suite with less than all hazards allowed.
 test-runs: $(READY)
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m runs
 

@@ -25,6 +25,7 @@ def controller() -> Iterator[str]:
             process.terminate()
 
 
+@pytest.mark.runs
 def test_examples(controller: str, tmp_path: Path) -> None:
     outputs = []
     for number, text in enumerate(_EXAMPLES):

@@ -57,8 +57,10 @@ def blocks(section: str) -> Iterator[Block]:
 class Repository:
     """A clone of an empty repository, and the CI system of its origin.
 
-    Attributes: folder: The clone. port: The port of the subject; it replaces 8877 in the page and
-    in the templates. variables: The environment of all commands.
+    Attributes:
+        folder: The clone.
+        port: The port of the subject; it replaces 8877 in the page and in the templates.
+        variables: The environment of all commands.
     """
 
     folder: Path

@@ -63,10 +63,15 @@ def _pump(source: socket.socket, target: socket.socket, kept: bytearray) -> None
 class Relay:
     """A relay between processes and a controller.
 
-    Args: upstream: The address of the controller. watch: Receives the function that forwards data
-    to the controller; returns a function that is called in its place. Attributes: address: The
-    address of the relay. arrived: Released once for each new connection. open: While this is not
-    set, nothing is forwarded on new connections.
+    Args:
+        upstream: The address of the controller.
+        watch: Receives the function that forwards data to the controller; returns a function that
+            is called in its place.
+
+    Attributes:
+        address: The address of the relay.
+        arrived: Released once for each new connection.
+        open: While this is not set, nothing is forwarded on new connections.
     """
 
     def __init__(self, upstream: tuple[str, int], watch: Callable[[Send], Send]) -> None:
@@ -109,8 +114,8 @@ class Relay:
 class Processes:
     """Starts `scaraspec` and ends all processes with the test.
 
-    Attributes: viewer: Whether the extra ``view`` is found; importing it takes longer than a short
-    run.
+    Attributes:
+        viewer: Whether the extra ``view`` is found; importing it takes longer than a short run.
     """
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 """SIGKILL during a case of `scaraspec certify controller`: the next run restores everything.
 
-Each test run tries a few moments; `make test-kill` tries the number in SCARASPEC_KILLS.
+`make test-runs` tries a few moments; `make test-kill` tries the number in SCARASPEC_KILLS.
 SCARASPEC_SEED selects other moments.
 """
 
@@ -47,8 +47,10 @@ FILES = {
 class Kind(NamedTuple):
     """Where a run is killed.
 
-    Attributes: only: The cases that it runs. request: The request before or after which it is
-    killed. from_number: The first of these requests that is sent by such a case.
+    Attributes:
+        only: The cases that it runs.
+        request: The request before or after which it is killed.
+        from_number: The first of these requests that is sent by such a case.
     """
 
     only: str
@@ -78,8 +80,11 @@ OUTS = (("none", "none"), ("one", "one"), ("one", "other"), ("one", "none"))
 class Moment:
     """When a run is killed.
 
-    Attributes: request: The name of a request. number: The number of this request. further: The
-    number of other requests after it. forwards: Whether the controller still receives that request.
+    Attributes:
+        request: The name of a request.
+        number: The number of this request.
+        further: The number of other requests after it.
+        forwards: Whether the controller still receives that request.
     """
 
     request: str
@@ -142,8 +147,11 @@ class Gate:
 class Robot:
     """A virtual controller process with settings and files of a user.
 
-    Attributes: data: Its folder. address: Its address. outputs: The outputs that were set. clock: A
-    value of its clock, and the monotonic time of it on this computer.
+    Attributes:
+        data: Its folder.
+        address: Its address.
+        outputs: The outputs that were set.
+        clock: A value of its clock, and the monotonic time of it on this computer.
     """
 
     data: Path
@@ -178,8 +186,9 @@ class Robot:
     def assert_as(self, stored: dict[str, bytes], *, off: bool = False) -> None:
         """Check that files, settings, outputs and clock are those of the user.
 
-        Args: stored: The files. off: Whether the controller was shut down, after which it has no
-        outputs and no clock.
+        Args:
+            stored: The files.
+            off: Whether the controller was shut down, after which it has no outputs and no clock.
         """
         assert self.stored() == stored
         if off:
@@ -203,7 +212,10 @@ def _clock(client: Client) -> tuple[datetime, float]:
 class Campaign:
     """Runs against controllers, some of which are killed.
 
-    Args: processes: Starts processes. relay: Makes relays. folder: The working directory.
+    Args:
+        processes: Starts processes.
+        relay: Makes relays.
+        folder: The working directory.
     """
 
     processes: Any
@@ -222,8 +234,11 @@ class Campaign:
     ) -> None:
         """Kill a run at this moment, and check that the next one restores everything.
 
-        Args: kind: The cases of the run. moment: When it is killed. outs: The option --out of both
-        runs. what: The cases of the next run.
+        Args:
+            kind: The cases of the run.
+            moment: When it is killed.
+            outs: The option --out of both runs.
+            what: The cases of the next run.
         """
         folder = Path(mkdtemp(dir=self.folder))
         robot = Robot.start(self.processes, folder)
@@ -264,6 +279,7 @@ def a_moment(kind: Kind, dice: random.Random) -> Moment:
     return Moment(kind.request, number, dice.randrange(4), forwards=dice.random() < 0.5)
 
 
+@pytest.mark.runs
 def test_killed_one_after_the_other(processes: Any, relay: Any, tmp_path: Path) -> None:
     """Each run restores what the run before it left, and is killed itself; the last one passes."""
     campaign, gate = Campaign(processes, relay, tmp_path), Gate()

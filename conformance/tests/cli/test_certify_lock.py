@@ -13,8 +13,11 @@ TIMEOUT_S = 60
 class Bench(NamedTuple):
     """A controller that is in use by one run.
 
-    Attributes: processes: Starts processes. relay: The relay between runs and controller, which
-    forwards nothing yet. first: The run. options: The options of each run.
+    Attributes:
+        processes: Starts processes.
+        relay: The relay between runs and controller, which forwards nothing yet.
+        first: The run.
+        options: The options of each run.
     """
 
     processes: Any

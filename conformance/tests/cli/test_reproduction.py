@@ -45,11 +45,17 @@ def failed(processes: Any, out: Path, mutant: str, only: str) -> tuple[Results, 
     ("mutant", "case_id", "last"),
     [
         ("status-of-one-digit", "4.8/2", "the controller sends get_status, reply: code 0"),
-        ("refuses-run-in-one-byte", "4.15/3", "the controller sends run_program, reply: flag 0"),
-        (
+        pytest.param(
+            "refuses-run-in-one-byte",
+            "4.15/3",
+            "the controller sends run_program, reply: flag 0",
+            marks=pytest.mark.runs,
+        ),
+        pytest.param(
             "never-tells-temperatures",
             "3/31.twice",
             "the client sends get_motor_temperatures, request",
+            marks=pytest.mark.runs,
         ),
     ],
 )
@@ -72,6 +78,7 @@ def test_a_script_repeats_a_failure(
     assert other.returncode == 1
 
 
+@pytest.mark.runs
 @pytest.mark.parametrize("case_id", ["4.15/3", "4.15/3.seen-1"])
 def test_a_script_that_moves_the_robot(processes: Any, tmp_path: Path, case_id: str) -> None:
     """It asks for confirmation, also for failures found by the judge, and ends with an emergency

@@ -191,6 +191,7 @@ def test_conforming(run: Pytest, controller: str, repository: Path) -> None:
     assert (repository / "report.html").exists()
 
 
+@pytest.mark.runs
 def test_violation(run: Pytest, mutant: str) -> None:
     """A case that fails is one failed test, and gives exit status 1."""
     done = run(*_certify(mutant, "4.8/2"))
@@ -200,6 +201,7 @@ def test_violation(run: Pytest, mutant: str) -> None:
     assert "nonconformant" in done.stdout
 
 
+@pytest.mark.runs
 def test_failure_of_the_team(run: Pytest, controller: str) -> None:
     """A failed test of the team gives exit status 1, although the controller conforms."""
     done = run(*_certify(controller, "4.7/2"), TEAM_FAILS="1")
@@ -207,6 +209,7 @@ def test_failure_of_the_team(run: Pytest, controller: str) -> None:
     assert "conformant: tcp://" in done.stdout
 
 
+@pytest.mark.runs
 def test_several_workers(run: Pytest, controller: str, repository: Path) -> None:
     """All tests that use the controller run on one worker, which sends the exit status of the
     results."""

@@ -33,7 +33,8 @@ _MANY: Final = 3000
 class Browser:
     """A page in headless Chromium.
 
-    Args: profile: An empty folder for the browser's files.
+    Args:
+        profile: An empty folder for the browser's files.
     """
 
     def __init__(self, profile: Path) -> None:

@@ -24,10 +24,14 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 class Job:
     """A job in its folder.
 
-    Attributes: folder: The working directory, such as a clone of the repository. port: It replaces
-    the default port 8877, which another process may use. variables: Environment variables of all
-    steps. status: The exit status of the first step that failed, or 0. log: The output of the
-    steps. kept: The paths of the artifacts. outputs: The outputs of the steps, on GitHub.
+    Attributes:
+        folder: The working directory, such as a clone of the repository.
+        port: It replaces the default port 8877, which another process may use.
+        variables: Environment variables of all steps.
+        status: The exit status of the first step that failed, or 0.
+        log: The output of the steps.
+        kept: The paths of the artifacts.
+        outputs: The outputs of the steps, on GitHub.
     """
 
     folder: Path

@@ -177,7 +177,10 @@ class Talker(threading.Thread):
 class Recorder:
     """`scaraspec record`, started in its own process group like by a service manager.
 
-    Args: url: The controller. out: The folder. log: The output of all its processes.
+    Args:
+        url: The controller.
+        out: The folder.
+        log: The output of all its processes.
     """
 
     def __init__(self, url: str, out: Path, log: Path) -> None:

@@ -1,7 +1,7 @@
 """SIGKILL at random moments under traffic, and the bytes that are lost.
 
-A few kills by default; `make test-kill` uses the number in SCARASPEC_KILLS. SCARASPEC_SEED repeats
-the same moments, if the computer is deterministic.
+`make test-runs` tries a few kills; `make test-kill` uses the number in SCARASPEC_KILLS.
+SCARASPEC_SEED repeats the same moments, if the computer is deterministic.
 """
 
 import os
@@ -190,6 +190,7 @@ def run_campaign(plant: Any, recorded: Any, moments: int, seed: int) -> None:
     assert max(losses_ms, default=0) <= TICK_NS / 1e6
 
 
+@pytest.mark.runs
 def test_a_few_kills(plant: Any, recorded: Any) -> None:
     """At most one tick is lost, every file opens, and killing the writer ends no connection.
 
