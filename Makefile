@@ -93,6 +93,7 @@ bench: $(READY)
 	$(BIN)/python bench/frames.py
 	$(BIN)/python -m bench.forwarding
 	$(BIN)/python -m bench.suite
+	$(BIN)/python -m bench.archive
 	$(BIN)/python -m bench.soak --hours 0.2 --rotate 144s
 
 # Simulates hours of traffic; a whole day, `make soak HOURS=24`, takes some hours.
