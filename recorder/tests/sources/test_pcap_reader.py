@@ -7,6 +7,7 @@ import struct
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zstandard
@@ -57,8 +58,12 @@ def ip6(*, from_client: bool) -> Packet:
     return IPv6(src=src, dst=dst)
 
 
+MACS: Any = {"src": "02:00:00:00:00:01", "dst": "02:00:00:00:00:02"}
+"""Without these, scapy asks the network for the address of the receiver."""
+
+
 def ether(payload: Packet) -> Packet:
-    return Ether(src="02:00:00:00:00:01", dst="02:00:00:00:00:02") / payload
+    return Ether(**MACS) / payload
 
 
 def tcp(*, from_client: bool, seq: int, ack: int, flags: str, port: int = 8877) -> Packet:
@@ -205,7 +210,7 @@ def ethertype_of(packet: Packet) -> int:
 
 def hsr(packet: Packet) -> Packet:
     tag = b"\x10\x2e\x00\x07" + ethertype_of(packet).to_bytes(2, "big")
-    return Ether(type=0x892F) / Raw(tag) / packet
+    return Ether(type=0x892F, **MACS) / Raw(tag) / packet
 
 
 @pytest.mark.parametrize(
@@ -214,10 +219,15 @@ def hsr(packet: Packet) -> Packet:
         lambda packet: ether(Dot1AD(vlan=7) / Dot1Q(vlan=8) / Dot1Q(vlan=9) / packet),
         lambda packet: ether(PPPoE(sessionid=5) / PPP() / packet),
         lambda packet: (
-            Dot3() / LLC(dsap=0xAA, ssap=0xAA, ctrl=3) / SNAP(code=ethertype_of(packet)) / packet
+            Dot3(**MACS)
+            / LLC(dsap=0xAA, ssap=0xAA, ctrl=3)
+            / SNAP(code=ethertype_of(packet))
+            / packet
         ),
         hsr,
-        lambda packet: Ether(type=0x8847) / MPLS(label=3, s=0) / MPLS(label=4, s=1) / packet,
+        lambda packet: (
+            Ether(type=0x8847, **MACS) / MPLS(label=3, s=0) / MPLS(label=4, s=1) / packet
+        ),
         lambda packet: outer_ip(47) / GRE(proto=ethertype_of(packet), key_present=1) / packet,
         lambda packet: outer_ip(47) / GRE(proto=0x6558) / ether(packet),
         lambda packet: outer_ip(17) / UDP(dport=4789) / VXLAN(vni=3) / ether(packet),
