@@ -81,17 +81,22 @@ def test_only_yes_moves_the_robot(terminals: list[Terminal]) -> None:
         controller.accept()
 
 
-@pytest.mark.parametrize(("more", "answers"), [((), ["y"]), (("--yes",), [])])
-def test_confirmation_is_requested_once(
-    url: str, terminals: list[Terminal], more: tuple[str, ...], answers: list[str]
-) -> None:
-    """After "y", or with --yes, the run continues to its verdict."""
-    terminals.append(terminal := Terminal(url, *MOTION, *more))
-    for answer in answers:
-        terminal.until("[y/N]")
-        terminal.answer(answer)
+def test_confirmation_is_requested_once(url: str, terminals: list[Terminal]) -> None:
+    """After "y" the run continues to its verdict."""
+    terminals.append(terminal := Terminal(url, *MOTION))
+    terminal.until("[y/N]")
+    terminal.answer("y")
     assert terminal.end() == 0
-    assert terminal.shown.count("[y/N]") == len(answers)
+    assert terminal.shown.count("[y/N]") == 1
+
+
+def test_yes_needs_no_answer(terminals: list[Terminal]) -> None:
+    """With --yes the run connects at once."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as controller:
+        url = f"tcp://127.0.0.1:{controller.getsockname()[1]}"
+        terminals.append(Terminal(url, *MOTION, "--yes"))
+        controller.settimeout(LIMIT_S)
+        controller.accept()[0].close()
 
 
 def test_a_run_without_motion_needs_no_confirmation(url: str, terminals: list[Terminal]) -> None:
