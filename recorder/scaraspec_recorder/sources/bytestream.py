@@ -96,6 +96,7 @@ class ByteStream:
         self.used_corrupt = 0
         self.conflict: tuple[int, int] | None = None
         self._delivered = b""  # the last bytes before `next`
+        self._ends: deque[tuple[int, PacketTime]] = deque()  # each known end after `next`, and when
         self._corrupt: dict[int, tuple[PacketTime, int, bytes]] = {}  # by position, as in _waiting
         self._waiting: list[
             tuple[int, PacketTime, int, bytes]
@@ -164,6 +165,12 @@ class ByteStream:
         self.acknowledged = max(self.acknowledged, position)
         return position
 
+    def note_end(self, at: PacketTime) -> None:
+        """Note when bytes up to `known_end` were sent at the latest, while bytes are missing."""
+        self._drop_ends()
+        if self.known_end > (self._ends[-1][0] if self._ends else self.next):
+            self._ends.append((self.known_end, at))
+
     def put(self, segment: Segment, at: PacketTime, acknowledged_peer: int) -> None:
         """Add a segment of this stream. Segments may be captured in any order.
 
@@ -222,6 +229,9 @@ class ByteStream:
     def give_up_missing(self, limit: int, since: PacketTime) -> Iterator[OrderedEvent]:
         """Replace the bytes missing before position `limit` by gaps.
 
+        Bytes that were sent at different times are different gaps: the other side may have sent
+        between them.
+
         Args:
             limit: Position up to which missing bytes are given up.
             since: When the first of these gaps was detected.
@@ -240,6 +250,9 @@ class ByteStream:
                 end = min(end, *self._corrupt)
             if self._waiting:
                 end = min(end, self._waiting[0][0])
+            self._drop_ends()
+            if self._ends:
+                end, since = min(end, self._ends[0][0]), max(since, self._ends[0][1])
             note = "not captured"
             if end == self.acknowledged > self._seen:
                 note += "; the last byte may have been the end of the stream (FIN)"
@@ -267,6 +280,11 @@ class ByteStream:
         self.used_corrupt += 1
         heappush(self._waiting, (found[0], at, acknowledged_peer, data))
         return True
+
+    def _drop_ends(self) -> None:
+        """Drop the noted ends before the next byte."""
+        while self._ends and self._ends[0][0] <= self.next:
+            self._ends.popleft()
 
     def _drop_corrupt(self) -> None:
         """Drop the corrupt segments of which another copy was captured."""

@@ -337,6 +337,7 @@ class Reassembler:
             hole = None
         if not missing:
             return
+        stream.note_end(now)
         if hole is None:
             hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, now)
             self._schedule(hole)
