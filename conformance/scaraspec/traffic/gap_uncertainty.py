@@ -69,7 +69,7 @@ class GapUncertainty:
         if until_ns < _FOREVER_NS and alone:
             until_ns = self._ended_ns[connection]
         if request_ns > until_ns:
-            del self._until_ns[connection]
+            self._until_ns.pop(connection, None)
 
     def resolve(self, connection: str) -> None:
         """Process the reply to the only request that the gap hides."""

@@ -3,6 +3,7 @@
 import gc
 import tracemalloc
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -662,3 +663,10 @@ def test_a_late_reply_to_another_connection_is_no_final_result(judged: Judged) -
     record = judged("login\n2> login password\n2< login 1\n> get_version\n2< get_version 1.0.0")
     reported = {f.message for f in record.findings if f.requirement == "3/16"}
     assert reported == {"a reply to get_version came on a connection that did not request it"}
+
+
+def test_a_damaged_time(judged: Judged, script: Callable[[str], list[WireEvent]]) -> None:
+    """A time that no clock shows ends no gap."""
+    events = script("login\n> get_status\n< get_status 00")
+    record = judged(replace(event, time_ns=event.time_ns + (1 << 63)) for event in events)
+    assert endings(record) == [("get_status", ANSWERED)]

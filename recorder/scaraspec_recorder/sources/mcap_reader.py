@@ -24,6 +24,7 @@ from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SCHEMA, SERIAL, SESSIO
 from scaraspec_recorder.sources.mcap_records import McapSummary, open_mcap, read_records
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
+_MAX_TIME_NS: Final = (1 << 63) - 1  # in the year 2262; a later one is damage
 _SEQUENCES: Final = 1 << 32
 _RECORDER: Final = "scaraspec"  # begins the library name of our recordings
 _RAW_KINDS: Final[dict[str, type[schemas.Message]]] = {
@@ -71,8 +72,9 @@ class RawLayerReader:
             self._messages += 1
             if channel := self._channels.get(record.channel_id):
                 with suppress(ValueError):
+                    time_ns = min(record.log_time, _MAX_TIME_NS)
                     event = _event(
-                        record.log_time, schemas.decode(channel.kind, record.data), self._messages
+                        time_ns, schemas.decode(channel.kind, record.data), self._messages
                     )
                     self._number(channel.part, record.sequence)
                     if channel.part != self._parts.setdefault(event.connection, channel.part):
