@@ -55,6 +55,7 @@ _UNCERTAIN: Final = {
 }
 _AMBIGUOUS: Final = "its reply may answer another request, which timed out"
 _TWO_COPIES: Final = "two different copies of its bytes were captured"
+_GAP_BESIDE: Final = "a request in a gap of another connection may be why"
 _ASSUMES_GAP: Final = ("in a gap of the recording", "in a gap")
 _IN_OTHER_BYTES: Final = "not decided: the receiver may have read it as part of other bytes"
 _SIDES: Final = {A2C: Side.CLIENT, C2A: Side.CONTROLLER, None: None}
@@ -132,6 +133,8 @@ class Judge:
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Process the next event; yield each traffic event, followed by its findings."""
         dialogue = self._dialogue(event)
+        if event.kind is Kind.GAP and event.length_bytes:
+            self._discredit_before(event, dialogue.hidden_since_ns(event))
         for traffic_event in dialogue.feed(event):
             yield traffic_event
             yield from self.judge(traffic_event, dialogue.robot)
@@ -211,15 +214,34 @@ class Judge:
         Args:
             unreliable: Bytes of which a capture has two different copies.
         """
+        self._discredit(_TWO_COPIES, lambda finding: _rests_on(finding, unreliable))
+
+    def _discredit_before(self, gap: WireEvent, since_ns: int) -> None:
+        """Make the failures inconclusive that a request hidden by a gap may explain.
+
+        The reply to the request shows the gap. Other connections may have shown its effect before.
+
+        Args:
+            gap: The gap.
+            since_ns: The request was sent after this time.
+        """
+
+        def may_depend(finding: Finding) -> bool:
+            several, last = len(finding.evidence) > 1, finding.evidence[-1]
+            return several and last.connection != gap.connection and last.time_ns > since_ns
+
+        self._discredit(_GAP_BESIDE, may_depend)
+
+    def _discredit(self, reason: str, applies: Callable[[Finding], bool]) -> None:
         for tally in self.tallies.values():
-            for at, finding in enumerate(tally.findings):
-                if finding.verdict is Verdict.FAIL and _rests_on(finding, unreliable):
+            for at, finding in enumerate(tally.findings if tally.others[Verdict.FAIL] else ()):
+                if finding.verdict is Verdict.FAIL and applies(finding):
                     tally.findings[at] = replace(
                         finding,
                         verdict=Verdict.INCONCLUSIVE,
                         cause=Cause.SET_UP,
                         side=Side.RECORDING,
-                        message=f"{finding.message}; {_TWO_COPIES}",
+                        message=f"{finding.message}; {reason}",
                     )
                     tally.others[Verdict.FAIL] -= 1
                     tally.others[Verdict.INCONCLUSIVE] += 1

@@ -137,7 +137,7 @@ class RowBuilder:
         )
 
     def _finding(self, finding: Finding) -> FindingRow:
-        place = finding.evidence[0] if finding.evidence else None
+        place = finding.evidence[-1] if finding.evidence else None
         return FindingRow(
             file=self._file,
             connection=place.connection if place else None,

@@ -100,16 +100,16 @@ class FindingRow:
 
     file: _File
     connection: Annotated[str | None, "The connection within the capture."]
-    time_ns: Annotated[int | None, TIME, "When the last byte of the first evidence was seen."]
+    time_ns: Annotated[int | None, TIME, "When the last byte of the last evidence was seen."]
     side: Annotated[str, "About `client`, `controller`, `both`, `network` or `recording`."]
     requirement: Annotated[str, "For example `4.15/3`."]
     verdict: Annotated[str, "`tolerated`, `inconclusive`, `fail` or `error`."]
     cause: Annotated[str, "What is responsible for the verdict."]
     message: Annotated[str, "One sentence."]
     reading: Annotated[str | None, "The listed reading that decided, such as `endian=big`."]
-    direction: Annotated[str | None, "Direction of the first evidence."]
-    offset_bytes: Annotated[int | None, "Position of the first evidence."]
-    length_bytes: Annotated[int | None, "Length of the first evidence."]
+    direction: Annotated[str | None, "Direction of the last evidence."]
+    offset_bytes: Annotated[int | None, "Position of the last evidence."]
+    length_bytes: Annotated[int | None, "Length of the last evidence."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,12 +74,18 @@ class Dialogue:
         self._replies_missing = False  # since the last bytes of the controller
         self._hides_query = False  # whether a gap may hide one query, and nothing else
         self._started = False
+        self._last_bytes_ns = dict.fromkeys(Direction, -1)
         self.robot.connected.add(self.connection)
 
     @property
     def transferring(self) -> bool:
         """Whether a file transfer may be active."""
         return self._transfers.unfinished
+
+    def hidden_since_ns(self, gap: WireEvent) -> int:
+        """Return a time before all bytes of a gap: its answer comes within the reply timeout."""
+        timeout_ns = self._pending_requests.reply_ns
+        return max(self._last_bytes_ns[gap.direction], gap.time_ns - timeout_ns)
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent]:
         """Process the next event of this connection; yield the traffic events that it completes."""
@@ -126,6 +132,7 @@ class Dialogue:
         yield from self._transfers.expire(self._now_ns)
         if event.direction is A2C:
             self._explain_gap(None)
+        self._last_bytes_ns[event.direction] = self._now_ns
         self.robot.gaps.end_gap(self.connection, event.direction, self._now_ns, self._answered_ns)
         for invalid in self._streams[event.direction.opposite].settle():
             yield from self._process(invalid)
@@ -170,6 +177,8 @@ class Dialogue:
             return
         if direction is C2A and length_bytes > 0:
             self._replies_missing = True
+            if not self._pending_requests.sent_by(A2C):  # an earlier reply answered another request
+                self.robot.forget_after_gap(self._now_ns)
             yield from self._forget_replies(self.robot.executing)
         else:
             may_hide_query = direction is A2C and between_frames and length_bytes == _QUERY_BYTES
@@ -217,7 +226,8 @@ class Dialogue:
         if self._hides_query:
             self._hides_query = False
             command = reply.command if reply and reply.certain else None
-            if command and command.hazard is Hazard.READ_ONLY and not command.request.fields:
+            query = command and command.hazard is Hazard.READ_ONLY and not command.request.fields
+            if reply and query and not (self.robot.executing and _shows_idle(reply)):
                 self.robot.gaps.resolve(self.connection)
             else:
                 self.robot.forget_after_gap(self._now_ns)
@@ -307,6 +317,7 @@ class Dialogue:
         if exchange.name == "list_programs":
             yield from self._list_part(exchange, seen)
         elif exchange.command and exchange.command.two_stage and exchange.accepted:
+            self._settle(exchange)
             yield from self._pending_results.accept(exchange)
         else:
             self._apply_effects(exchange)
@@ -335,10 +346,14 @@ class Dialogue:
 
     def _answered(self, exchange: Exchange) -> Exchange:
         exchange.ending = Ending.ANSWERED
+        self._settle(exchange)
+        return exchange
+
+    def _settle(self, exchange: Exchange) -> None:
+        """End the uncertainty after a gap, if a request that was sent after it has its reply."""
         if exchange.request.certain and exchange.reply and exchange.reply.certain:
             pending = self._pending_requests.sent_by(exchange.request.frame.direction)
             self.robot.gaps.settle(self.connection, exchange.time_ns, alone=not pending)
-        return exchange
 
     def _apply_effects(self, exchange: Exchange) -> None:
         """Apply what a one-stage command changes for later events."""
@@ -353,7 +368,7 @@ class Dialogue:
         elif name in ("shutdown", "set_network") and accepted:
             self.logged_in = None  # the link may be dead
             self.robot.version += 1
-        elif name == "get_status" and exchange.reply_value == "00" and exchange.certain:
+        elif exchange.reply and _shows_idle(exchange.reply) and exchange.certain:
             self.robot.seen_idle(exchange.time_ns)
 
     def _result(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
@@ -396,6 +411,10 @@ class Dialogue:
             self._pending_requests.expect_late_reply(
                 BY_OPCODE[head[0]].name
             )  # a lenient controller answers it
+
+
+def _shows_idle(reply: FrameSeen) -> bool:
+    return reply.name == "get_status" and reply.value == "00"
 
 
 def _note_mismatches(waiting: Sequence[Exchange]) -> None:

@@ -169,8 +169,8 @@ class Exchange:
     """A request with the same opcode was unanswered when this one was sent."""
     pipelined: bool = False
     """An earlier request, sent in another segment, was within its reply timeout."""
-    overtaken: bool = False
-    """A later request was answered while this one was unanswered."""
+    overtaken_by: FrameSeen | None = None
+    """The first reply to a later request that arrived while this one was unanswered."""
     overdue: bool = False
     """It was overtaken, and its own reply arrived after the reply timeout."""
     requested_again: FrameSeen | None = None
@@ -217,6 +217,11 @@ class Exchange:
     def set_ambiguous(self) -> None:
         """Note that its reply may answer another request: nothing certain follows from it."""
         self.ambiguous, self.certain = True, False
+
+    @property
+    def overtaken(self) -> bool:
+        """Whether a later request was answered while this one was unanswered."""
+        return self.overtaken_by is not None
 
     @property
     def request_value(self) -> Any:
@@ -289,6 +294,7 @@ class Transfer:
             limit.
         received_bytes: Number of these bytes, also beyond the limit.
         whole_content: Whether `content` contains all `received_bytes`.
+        last_chunk: The last accepted chunk.
         resumed: The sender continued after a chunk had been refused (A-5-14).
         extra_reply_seen: A reply was sent without a pending chunk: the sender may take it for the
             reply to its next chunk.
@@ -311,6 +317,7 @@ class Transfer:
     content: bytearray = field(default_factory=bytearray)
     received_bytes: int = 0
     whole_content: bool = True
+    last_chunk: FrameSeen | None = None
     resumed: bool = False
     extra_reply_seen: bool = False
     first_difference: int = -1

@@ -112,7 +112,7 @@ class PendingRequests:
                 best, best_rank = entry, rank
         if best is None:
             return None
-        self._answer(best, reply.place.time_ns)
+        self._answer(best, reply)
         self._mark_ambiguous(best)
         return best.exchange
 
@@ -135,15 +135,15 @@ class PendingRequests:
                 return entry.exchange
         return None
 
-    def _answer(self, answered: _PendingRequest, time_ns: int) -> None:
-        exchange = answered.exchange
+    def _answer(self, answered: _PendingRequest, reply: FrameSeen) -> None:
+        exchange, time_ns = answered.exchange, reply.place.time_ns
         exchange.overdue = exchange.overtaken and time_ns > answered.due_ns
         for older in self._open:
             if older is answered:
                 break
             overtaken, direction = older.exchange, exchange.request.frame.direction
             if overtaken.request.frame.direction is direction and not overtaken.overtaken:
-                overtaken.overtaken = True
+                overtaken.overtaken_by = reply
                 older.drop_after_ns = max(older.drop_after_ns, time_ns + self.reply_ns)
         self._open.remove(answered)
 

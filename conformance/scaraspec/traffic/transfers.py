@@ -159,6 +159,7 @@ class TransferTracker:
             elif exchange.chunk:
                 if not active.transfer.upload and not active.transfer.differing_chunk:
                     self._compare(active.transfer, exchange.request, exchange.chunk)
+                active.transfer.last_chunk = exchange.request
                 yield from self._chunk_accepted(active.transfer, exchange.chunk, time_ns)
 
     def chunk_reply_sent(self, exchange: Exchange | None, time_ns: int) -> None:

@@ -31,7 +31,7 @@ import pytest
             "inconclusive · 3/31 · get_digital_outputs was answered after 6.0",
         ),
         ("late-run.pcap", "", 3, "the client may have taken the reply to the first request"),
-        ("settle.pcap", "", 0, "observed status_lag"),
+        ("settle.pcap", "", 0, "run_program, for 3 ms to 74 ms (observed status_lag"),
         ("runagain.pcap", "", 3, "inconclusive · 4/16"),
         ("gbk.pcap", "", 1, "程序.rob was uploaded in UTF-8 but is listed in GBK"),
         ("runday.pcap", "", 1, "fail · 4.9/5"),

@@ -1,17 +1,28 @@
 """A robot that executes one two-stage command: its status, and its replies to further requests."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from functools import wraps
 from itertools import pairwise
 from math import ceil
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    Check,
+    RuleResult,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+)
 from scaraspec.judge.rules.two_stage import NOT_STOP
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import SETTLE_NS, SETTLES, STATE_LAG_NS, RobotState
+from scaraspec.traffic.wire import WireRange
 from scaraspec.user_message import UserMessage
 
 STATE_OF: Final = {
@@ -33,27 +44,22 @@ _MAX_POLL_NS: Final = 5_000_000_000
 """Maximum time between two statuses that show a robot which was never idle between them."""
 _MAX_REPLY_NS: Final = 5_000_000_000
 """Maximum time from a request to its first reply (A-3-15)."""
-_MAX_REORDERING_NS: Final = 50_000_000
-"""The most by which a capture swaps packets of two connections."""
 
 
 def certainly_executes(y: Exchange, x: Exchange, robot: RobotState) -> bool:
     """Return whether a command `y` of `x.concurrent` certainly executed when `x` was answered.
 
     On one connection the order of the frames is certain. On two connections the final result of
-    `y` must arrive clearly after the reply to `x`; a final result that is still missing may be on
-    its way. If a status 00 came in between, `y` has ended or that status is wrong; another rule
-    reports it.
+    `y` must arrive clearly after the reply to `x`; one that is still missing may be on its way, or
+    not captured. If a status 00 came in between, `y` has ended or that status is wrong; another
+    rule reports it.
     """
     if y.idle_status:
         return False
     if y.request.place.connection == x.request.place.connection:
         return True
     now = next((z for z in robot.history.accepted if z.request is y.request), y)
-    if now.result is None:
-        late_ns = x.result.begun_ns - answered_ns(x) if x.result else _MAX_REORDERING_NS
-        return now in robot.executing and late_ns >= _MAX_REORDERING_NS
-    return now.result.begun_ns - answered_ns(x) > _SECOND_NS
+    return now.result is not None and now.result.begun_ns - answered_ns(x) > _SECOND_NS
 
 
 # Further requests
@@ -88,8 +94,13 @@ def _not_accepted(x: Exchange, robot: RobotState, during: Iterable[Exchange]) ->
         ),
         expected="0|code",
         observed="1",
-        at=(first.request.place, *places_of(x)),
+        at=(*_begun(first), *places_of(x)),
     )
+
+
+def _begun(y: Exchange) -> tuple[WireRange, ...]:
+    """Return the places of its request and its first reply."""
+    return tuple(seen.place for seen in (y.request, y.reply) if seen)
 
 
 @rule("4/6", on=Exchange, names=NOT_STOP)
@@ -126,7 +137,7 @@ def refused_during_a_program(x: Exchange, robot: RobotState) -> RuleResult | Non
         UserMessage("{command} was not refused with 01 while a program ran", command=x.name),
         expected="0|01",
         observed=show(refusal),
-        at=(x.concurrent[0].request.place, *places_of(x)),
+        at=(*_begun(x.concurrent[0]), *places_of(x)),
     )
 
 
@@ -151,8 +162,41 @@ def busy_code_is_status(x: Exchange, robot: RobotState) -> RuleResult | None:
         ),
         expected=expected,
         observed=code,
-        at=(executing.request.place, *places_of(x)),
+        at=(*_begun(executing), *places_of(x)),
     )
+
+
+def _before_its_end(names: Collection[str], check: Check) -> Check:
+    """Return the check of the commands on other connections that were answered while one executed.
+
+    Only its final result, which arrives after them, shows that it still executed.
+    """
+
+    @wraps(check)
+    def check_others(y: Exchange, robot: RobotState) -> RuleResult | None:
+        if not y.reply or not y.result:
+            return None
+        for name in names:
+            for x in robot.history.between(name, answered_ns(y), y.result.begun_ns):
+                same = x.request.place.connection == y.request.place.connection
+                if not same and any(z.request is y.request for z in x.concurrent):
+                    result = check(x, robot)
+                    if result and result.verdict is Verdict.FAIL:
+                        return result
+        return None
+
+    return check_others
+
+
+for _requirement, _names, _check in (
+    ("4/6", NOT_STOP, no_second_command),
+    ("4.15/8", ("run_program",), no_second_run),
+    ("4.25/5", ("release_joints",), no_release_in_motion),
+    ("4.18/2", ("reset",), refused_during_a_program),
+    ("4.35/4", ("shutdown",), refused_during_a_program),
+    ("4/15", (*NOT_STOP, "shutdown"), busy_code_is_status),
+):
+    rule(_requirement, on=Exchange, names=STATE_OF)(_before_its_end(_names, _check))
 
 
 @rule("4/15", on=Exchange, names=_STATUS)
@@ -199,23 +243,30 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
         UserMessage("the status is 00 (idle) while {command} executes", command=x.name),
         expected=STATE_OF[x.name],
         observed="00",
-        at=(x.request.place, x.idle_status.place, x.result.place),
+        at=(*_begun(x), x.idle_status.place, x.result.place),
     )
 
 
 @rule("4/8", on=Exchange, names=STATE_OF)
-def status_lags(x: Exchange, _: RobotState) -> RuleResult | None:
+def status_lags(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A status 00 right after the first reply may be that from before it (A-4.8-3)."""
     if not x.lag_ns or not x.result or x.idle_status:
         return None
+    begun_ns = answered_ns(x)
+    statuses = robot.history.between("get_status", begun_ns, x.result.begun_ns)
+    changed_ns = (answered_ns(y) for y in statuses if y.reply_value in BUSY)
     return _lagging(
         x.lag_ns,
         UserMessage("the status was still 00 (idle) after the first reply to {name}", name=x.name),
+        most_ns=next(changed_ns, begun_ns) - begun_ns,
     )
 
 
-def _lagging(lag_ns: int, message: UserMessage) -> RuleResult:
-    text = UserMessage("{message}, for {lag_ms} ms", message=message, lag_ms=ceil(lag_ns / 1e6))
+def _lagging(lag_ns: int, message: UserMessage, *, most_ns: int = 0) -> RuleResult:
+    """Return the toleration of an old status; the next one shows how long it was old at most."""
+    least, most = (UserMessage("{ms} ms", ms=ceil(ns / 1e6)) for ns in (lag_ns, most_ns))
+    lag = UserMessage("{least} to {most}", least=least, most=most) if most_ns else least
+    text = UserMessage("{message}, for {lag}", message=message, lag=lag)
     return tolerated("status_lag", f"{lag_ns / 1e9:.3f}", text)
 
 

@@ -1,13 +1,14 @@
 """Clauses 5.1 to 5.4: chunks and transfers, uploads and downloads."""
 
 from scaraspec.judge.rules.flag import one_flag
-from scaraspec.judge.rules.missing_programs import is_unlisted
+from scaraspec.judge.rules.missing_programs import list_without
 from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
     failed,
     inconclusive,
     places_of,
+    places_of_file,
     rule,
     tolerated,
 )
@@ -95,7 +96,7 @@ def size_of_the_upload(x: Exchange, robot: RobotState) -> RuleResult | None:
         ),
         expected=str(stored.received_bytes),
         observed=str(x.chunk.file_size),
-        at=(*places_of(stored), x.request.place),
+        at=(*places_of_file(stored), x.request.place),
     )
 
 
@@ -118,7 +119,7 @@ def position_is_an_offset(x: Exchange, _: RobotState) -> RuleResult | None:
         "the position is not the byte offset of the chunk",
         expected=str(expected),
         observed=str(position),
-        at=(x.request.place,),
+        at=(*places_of(transfer), x.request.place),
     )
 
 
@@ -168,11 +169,12 @@ def ascending(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     if x.after_silence and x.chunk.position < x.expected_position:
         return None  # the controller did not answer, and the client sends a chunk again
+    transfer = x.transfer or x.previous_transfer
     return failed(
         "a chunk does not follow the previous chunk",
         expected=str(x.expected_position),
         observed=str(x.chunk.position),
-        at=(x.request.place,),
+        at=(*(places_of(transfer) if transfer else ()), x.request.place),
     )
 
 
@@ -254,6 +256,7 @@ def existing_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
         ),
         expected="0",
         observed="1",
+        at=(*places_of_file(stored), *places_of(x)),
     )
 
 
@@ -394,7 +397,7 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
         ),
         expected=f"{expected_size} bytes, at {first}: {sent}",
         observed=f"{size} bytes, at {first}: {got}",
-        at=(*places_of(stored), *places_of(transfer), *chunk),
+        at=(*places_of_file(stored), *places_of(transfer), *chunk),
     )
 
 
@@ -416,7 +419,7 @@ def upload_is_there(x: Exchange, robot: RobotState) -> RuleResult | None:
         ),
         expected="1",
         observed="0",
-        at=(*places_of(stored), *places_of(x)),
+        at=(*places_of_file(stored), *places_of(x)),
     )
 
 
@@ -430,7 +433,13 @@ def error_signal_ends_the_download(x: Exchange, _: RobotState) -> RuleResult | N
         return None
     if not x.accepted:
         return PASSED
-    return failed("a chunk without data was answered 1", expected="0, or no reply", observed="1")
+    opening = places_of(x.transfer) if x.transfer else ()
+    return failed(
+        "a chunk without data was answered 1",
+        expected="0, or no reply",
+        observed="1",
+        at=(*opening, *places_of(x)),
+    )
 
 
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
@@ -452,14 +461,17 @@ def content_after_the_reply(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("5.3/3", on=Exchange, names=("download_name",))
 def absent_file_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A name that the last program list lacks is answered "0" (L772), if no file has it."""
-    return PASSED if x.accepted is False and is_unlisted(x, robot) else None
+    return PASSED if x.accepted is False and list_without(x, robot) else None
 
 
 @rule("5.3/3", on=Transfer)
 def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleResult | None:
     """A name that is not listed and was answered "1" has content, or is not stored (L772)."""
     opening = transfer.opening
-    if transfer.upload or transfer.chunks or opening is None or not is_unlisted(opening, robot):
+    if transfer.upload or transfer.chunks or opening is None:
+        return None
+    programs = list_without(opening, robot)
+    if programs is None:
         return None
     if transfer.ended_ns - transfer.begun_ns < _CONTENT_COMES_NS:
         return None
@@ -471,6 +483,7 @@ def absent_file_has_no_content(transfer: Transfer, robot: RobotState) -> RuleRes
         ),
         expected="0",
         observed="1",
+        at=(*places_of(programs), *places_of(transfer)),
     )
 
 

@@ -14,6 +14,7 @@ from scaraspec.judge.rules.rule import (
     failed,
     inconclusive,
     places_of,
+    places_of_file,
     rule,
     tolerated,
 )
@@ -30,18 +31,19 @@ _MISSING: Final = "20"
 _SECOND_NS: Final = 1_000_000_000
 
 
-def is_unlisted(x: Exchange, robot: RobotState) -> bool:
-    """Return whether the last list lacks the name in a request, and it was not uploaded.
+def list_without(x: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the last list if it lacks the name in a request, and the name was not uploaded.
 
     A controller may ignore the extension of a name (A-0-9) or its case.
     """
     programs = robot.history.last("list_programs", before_ns=x.time_ns)
     if programs is None or x.time_ns - programs.time_ns > MAX_UNSEEN_NS:
-        return False
+        return None
     name = x.request.text
     uploaded = name in robot.history.uploaded_ns and name not in robot.history.deleted
     listed = {_stem(each) for each in listed_names(programs)}
-    return not uploaded and is_complete_list(programs) and _stem(name) not in listed
+    unlisted = not uploaded and is_complete_list(programs) and _stem(name) not in listed
+    return programs if unlisted else None
 
 
 def _stem(name: bytes) -> bytes:
@@ -52,7 +54,8 @@ def _stem(name: bytes) -> bytes:
 @rule("8/5", on=Exchange, names=("simulate_program",))
 def unlisted_is_not_run(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A program that is not stored does not run (L314, L1044): every program is listed (L246)."""
-    if not is_unlisted(x, robot) or x.accepted is None:
+    programs = list_without(x, robot)
+    if programs is None or x.accepted is None:
         return None
     failure = x.reply_value if not x.accepted else x.outcome
     if failure and failure.code not in (_MISSING, None) and _was_idle(x, robot):
@@ -78,6 +81,7 @@ def unlisted_is_not_run(x: Exchange, robot: RobotState) -> RuleResult | None:
         ),
         expected="0|20",
         observed="11",
+        at=(*places_of(programs), *places_of(x)),
     )
 
 
@@ -143,7 +147,7 @@ def code_20(x: Exchange, robot: RobotState) -> RuleResult | None:
             ),
             expected="1, or another code",
             observed="20",
-            at=(*places_of(stored), *places_of(x)),
+            at=(*places_of_file(stored), *places_of(x)),
         )
     if stored or _is_listed(name, x, robot):
         return tolerated(

@@ -86,18 +86,19 @@ def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
             )
         )
         return result._replace(places=(*places_of(move), *places_of(x)))
-    if any(gripper):
+    known, centre = gripper
+    if any(centre):
         return tolerated("A-4.23-1", "another point", message)
     return failed(
         message,
         expected=observed(move.request),
         observed=observed(x.reply) if x.reply else "",
-        at=(*places_of(move), *places_of(x)),
+        at=(*places_of(known), *places_of(move), *places_of(x)),
     )
 
 
-def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
-    """Return the gripper centre; None if unknown."""
+def _gripper(x: Exchange, robot: RobotState) -> tuple[Exchange, Sequence[float]] | None:
+    """Return the gripper centre, after the exchange that shows it; None if unknown."""
     setting = in_force("set_gripper_center", x, robot)
     read = robot.history.last("get_gripper_center", before_ns=x.time_ns)
     if setting:
@@ -106,7 +107,7 @@ def _gripper(x: Exchange, robot: RobotState) -> Sequence[float] | None:
         known, value = read, read.reply_value
     else:
         return None
-    return None if executed_since(known.time_ns, robot, PROGRAMS) else value
+    return None if executed_since(known.time_ns, robot, PROGRAMS) else (known, value)
 
 
 @rule("4.24/9", on=Exchange, names=(MOVE,))

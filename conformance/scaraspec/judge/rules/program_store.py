@@ -6,7 +6,15 @@ from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    RuleResult,
+    failed,
+    places_of,
+    places_of_file,
+    rule,
+    tolerated,
+)
 from scaraspec.judge.rules.settings import MAX_UNSEEN_NS
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
@@ -221,7 +229,7 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
                 _missing_message(transfer.name, listed, robot),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
-                at=(*places_of(transfer), *places_of(x)),
+                at=(*places_of_file(transfer), *places_of(x)),
             )
     return PASSED if len(missing) < len(expected) else None
 

@@ -146,6 +146,7 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
         UserMessage("{command} was not answered, although a later request was", command=x.name),
         expected="a reply",
         observed="none",
+        at=(x.request.place, *((x.overtaken_by.place,) if x.overtaken_by else ())),
     )
 
 

@@ -158,6 +158,12 @@ def places_of(traffic_event: TrafficEvent) -> tuple[WireRange, ...]:
             return (WireRange(*where, length_bytes, event.time_ns),)
 
 
+def places_of_file(transfer: Transfer) -> tuple[WireRange, ...]:
+    """Return the places of the name and the last chunk of a complete transfer."""
+    last = (transfer.last_chunk.place,) if transfer.last_chunk else ()
+    return (*places_of(transfer), *last)
+
+
 def name_of(traffic_event: TrafficEvent) -> str:
     """Return the command name of a traffic event; empty without a command."""
     match traffic_event:

@@ -65,7 +65,7 @@ def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
             ),
             expected="1|name|DDHHMMSS",
             observed=observed(x.reply),
-            at=(program.request.place, *places_of(x)),
+            at=(*places_of(program), *places_of(x)),
         )
     for issue in x.reply.parsed.decoded.issues:
         if issue.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
@@ -90,7 +90,7 @@ def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
         "the reply names a program that is not the running one",
         expected=show(program.request_value),
         observed=show(x.reply_value.name),
-        at=(program.request.place, *places_of(x)),
+        at=(*places_of(program), *places_of(x)),
     )
 
 
@@ -124,7 +124,7 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
         "the run time does not advance by one second per second",
         expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.reply_value.run_time_s} s",
         observed=f"{x.reply_value.run_time_s} s",
-        at=(*places_of(y), *places_of(x)),
+        at=(*places_of(program), *places_of(y), *places_of(x)),
     )
 
 
@@ -137,7 +137,7 @@ def _counts_from_elsewhere(x: Exchange, program: Exchange) -> RuleResult:
         ),
         expected=f"at most {elapsed_s(program, x)[1]:.1f} s",
         observed=f"{x.reply_value.run_time_s} s",
-        at=(program.request.place, *places_of(x)),
+        at=(*places_of(program), *places_of(x)),
     )
 
 

@@ -172,7 +172,7 @@ def _unchanged(setter: str, x: Exchange, robot: RobotState, count: int) -> RuleR
         ),
         expected=observed(before.reply) if before.reply else "",
         observed=observed(x.reply) if x.reply else "",
-        at=(*places_of(refused), *places_of(x)),
+        at=(*places_of(before), *places_of(refused), *places_of(x)),
     )
 
 

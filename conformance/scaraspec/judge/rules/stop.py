@@ -63,7 +63,7 @@ def _needed(stop: Exchange, y: Exchange) -> RuleResult:
         UserMessage("the stop was refused while {command} executed", command=y.name),
         expected="1",
         observed="0",
-        at=(y.request.place, *places_of(stop)),
+        at=(*places_of(y), *places_of(stop)),
     )
 
 

@@ -51,6 +51,17 @@ OVER_FIRST = """
     2<90 reset 11
     <90 run_program 11
 """
+BESIDE = """
+    login
+    2> login password
+    2< login 1
+    > run_program a
+    < run_program 1
+    {second}
+    +2
+    {end}
+"""
+PROGRAM_ENDS = "<90 run_program 11"
 # The last packets of the first connection, with the end of the program, are not in the capture.
 IDLE_ELSEWHERE = """
     login
@@ -219,6 +230,25 @@ CASES = (
     ("4/6", "none", OVER_FIRST.format(pause="")),
     ("4/6", "fail 4.18/2", OVER_FIRST.format(pause="+2")),
     ("4/6", "none", IDLE_ELSEWHERE.format(second="reset", reply="1")),
+    *(
+        (requirement, expected, BESIDE.format(second=second, end=PROGRAM_ENDS))
+        for requirement, expected, second in (
+            ("4.15/8", "fail 4/6", "2> run_program b\n2< run_program 1\n2<90 run_program 11"),
+            (
+                "4.25/5",
+                "fail 4/6",
+                "2> release_joints\n2< release_joints 1\n2<90 release_joints 11",
+            ),
+            ("4.35/4", "fail 4/15", "2> shutdown\n2< shutdown 0|04"),
+            ("4/15", "fail 4.18/2", "2> reset\n2< reset 0|04"),
+        )
+    ),
+    # Its final result may be missing in the capture.
+    (
+        "4/6",
+        "none",
+        BESIDE.format(second="2> run_program b\n2< run_program 1\n2<90 run_program 11", end=""),
+    ),
     # The program may have been stopped because its client disconnected (A-2-8).
     ("4/6", "none", ELSEWHERE.format(pause="+2").replace("2> reset", "> half-close\n2> reset")),
     # An emergency stop is always allowed.
