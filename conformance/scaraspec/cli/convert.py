@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.options import capture_port
+from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
@@ -15,14 +15,15 @@ from scaraspec_recorder.recordings.capture import write_rrd
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
-from scaraspec_recorder.sources.capture import McapCapture, PcapCapture, open_capture
+from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.sources.excerpt import Excerpt
 
-EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
+EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap --since 2026-11-21T08:15 --redact"
 
 _PATH = click.Path(path_type=Path)
 
 
-def _write_mcap(capture: McapCapture | PcapCapture, target: Path) -> None:
+def _write_mcap(capture: Excerpt, target: Path) -> None:
     sink = McapSink(target.open("wb"), capture.session)
     decoder = Decoder([sink], Judge(needs_login=capture.needs_login))
     for event in capture:
@@ -30,11 +31,11 @@ def _write_mcap(capture: McapCapture | PcapCapture, target: Path) -> None:
     decoder.close()
 
 
-def _draw(capture: McapCapture | PcapCapture, target: Path) -> None:
+def _draw(capture: Excerpt, target: Path) -> None:
     write_rrd(capture, target, needs_login=capture.needs_login)
 
 
-def _write_pcapng(capture: McapCapture | PcapCapture, target: Path) -> None:
+def _write_pcapng(capture: Excerpt, target: Path) -> None:
     with target.open("wb") as file:
         writer = PcapngWriter(file)
         for event in capture:
@@ -47,7 +48,7 @@ def _write_pcapng(capture: McapCapture | PcapCapture, target: Path) -> None:
         click.echo(f"{target}: {note}", err=True)
 
 
-_WRITERS: dict[str, Callable[[McapCapture | PcapCapture, Path], None]] = {
+_WRITERS: dict[str, Callable[[Excerpt, Path], None]] = {
     ".mcap": _write_mcap,
     ".pcapng": _write_pcapng,
     ".rrd": _draw,
@@ -57,16 +58,28 @@ _WRITERS: dict[str, Callable[[McapCapture | PcapCapture, Path], None]] = {
 @click.command(epilog=EXAMPLE)
 @click.argument("source", metavar="IN", type=_PATH)
 @click.argument("target", metavar="OUT", type=_PATH)
+@click.option("--since", type=Instant(), help="Only from this time on: 2026-11-21T08:15 (UTC).")
+@click.option("--until", type=Instant(), help="Only before this time.")
+@click.option("--redact", is_flag=True, help="Mask passwords, also in the raw bytes.")
 @capture_port
-def command(source: Path, target: Path, port: int | None) -> None:
+def command(  # noqa: PLR0913 - two arguments and independent options
+    source: Path,
+    target: Path,
+    since: int | None,
+    until: int | None,
+    port: int | None,
+    *,
+    redact: bool,
+) -> None:
     """Convert the capture IN to OUT. The suffix of OUT selects the format: .mcap, .pcapng or .rrd.
 
     IN is MCAP, pcap or pcapng. OUT must not exist. MCAP is decoded again. In .pcapng the packets
     around the bytes are artificial, and bytes that were not recorded are missing segments. Exit
     status 3 if IN is incomplete; OUT then contains what could be read.
+
+    With --since and --until OUT is an excerpt. What its connections sent before is a gap in it.
     """
-    write = _WRITERS.get(target.suffix.lower())
-    if not write:
+    if target.suffix.lower() not in _WRITERS:
         raise Problem(
             UserMessage(
                 "{target} has no known suffix: use one of {writers}",
@@ -76,6 +89,7 @@ def command(source: Path, target: Path, port: int | None) -> None:
         )
     try:
         capture = open_capture(source, port=port)
+        excerpt = Excerpt(capture, since_ns=since, until_ns=until, redact=redact)
         target.touch(exist_ok=False)
     except CaptureError as error:
         raise unreadable(error) from None
@@ -89,8 +103,20 @@ def command(source: Path, target: Path, port: int | None) -> None:
                 "{target} cannot be written: {strerror}", target=target, strerror=error.strerror
             )
         ) from None
+    _write(excerpt, target)
+    for note in capture.summary.notes:
+        click.echo(f"{source}: {note}", err=True)
+    if excerpt.empty and (since is not None or until is not None):
+        target.unlink()
+        raise Problem(UserMessage("{source} has no traffic in this time", source=source))
+    if not capture.summary.complete:
+        raise SystemExit(ExitStatus.INCONCLUSIVE)
+
+
+def _write(excerpt: Excerpt, target: Path) -> None:
+    """Write the target, or remove it if that fails."""
     try:
-        write(capture, target)
+        _WRITERS[target.suffix.lower()](excerpt, target)
     except (CaptureError, ImportError) as error:
         target.unlink()
         raise unreadable(error) from None
@@ -104,7 +130,3 @@ def command(source: Path, target: Path, port: int | None) -> None:
     except BaseException:  # interrupted: remove the incomplete file
         target.unlink()
         raise
-    for note in capture.summary.notes:
-        click.echo(f"{source}: {note}", err=True)
-    if not capture.summary.complete:
-        raise SystemExit(ExitStatus.INCONCLUSIVE)

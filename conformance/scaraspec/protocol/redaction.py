@@ -33,6 +33,11 @@ def mask(data: bytes) -> bytes:
     return b"|".join(b"*" * len(part) for part in data.split(b"|"))
 
 
+def is_masked(data: bytes) -> bool:
+    """Return whether data may be masked: different passwords of one length look the same."""
+    return data == mask(data)
+
+
 def mask_unframed(data: bytes) -> bytes:
     """Mask everything after the first bytes that look like the header of a secret frame.
 

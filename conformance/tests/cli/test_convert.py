@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fault_captures import write
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import Kind
@@ -131,3 +132,37 @@ def test_the_replay_of_an_incomplete_capture(
         file.write_bytes(content)
         statuses.append(processes.run("replay", f"{file}", f"tcp://{host}:{port}").returncode)
     assert statuses == [0, 3]
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "pcapng"])
+def test_an_excerpt_for_others(processes: Any, field: Path, tmp_path: Path, suffix: str) -> None:
+    """It holds a span of time; earlier bytes are a gap, and passwords are masked."""
+    source, target = field / f"{SHIFT}.pcapng", tmp_path / f"a.{suffix}"
+    span = ("--since", "2026-11-20T22:58:38", "--until", "2026-11-20T22:58:41.6")
+    assert processes.run("convert", f"{source}", f"{target}", *span, "--redact").returncode == 0
+    done = processes.run("exchanges", f"{target}")
+    assert done.returncode == 3
+    lines = done.stdout.splitlines()
+    assert "127.0.0.1:51124 → 127.0.0.1:8877" in lines[1]
+    assert "get_running_program" in lines[3]
+    assert "connection 3 half-closed" in lines[-1]
+    assert b"password" not in b"".join(streams(target).values())
+    audited = processes.run("audit", f"{target}")
+    assert (audited.returncode, "fail" in audited.stdout) == (3, False)
+
+
+def test_masked_passwords_cause_no_failure(processes: Any, tmp_path: Path) -> None:
+    """A refused password of the same length looks like the accepted one."""
+    source, target = tmp_path / "a.pcapng", tmp_path / "b.pcapng"
+    session = "> login right\n< login 1\n> login wrong\n< login 0\n> login right\n< login 1"
+    write(session, source)
+    assert processes.run("convert", f"{source}", f"{target}", "--redact").returncode == 0
+    assert processes.run("audit", f"{target}").returncode == 0
+
+
+def test_an_empty_excerpt(processes: Any, field: Path, tmp_path: Path) -> None:
+    """Nothing is written."""
+    source, target = field / f"{SHIFT}.pcapng", tmp_path / "a.mcap"
+    done = processes.run("convert", f"{source}", f"{target}", "--since", "2027-01-01T00:00")
+    assert (done.returncode, target.exists()) == (2, False)
+    assert "has no traffic in this time" in done.stderr

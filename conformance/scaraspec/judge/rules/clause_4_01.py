@@ -4,6 +4,7 @@ from scaraspec.judge.rules.flag import one_flag
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule
 from scaraspec.judge.rules.settings import MAX_UNSEEN_NS, new_password_opens
 from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.redaction import is_masked
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
@@ -28,7 +29,7 @@ def _is_last_accepted(x: Exchange, robot: RobotState) -> bool | None:
     if before is None or not before.accepted:
         return None
     if before.request.frame.data == x.request.frame.data:
-        return True
+        return None if is_masked(x.request.frame.data) else True
     return None if before.request_value == x.request_value else False
 
 
