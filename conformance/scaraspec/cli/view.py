@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Final
 
 import click
-import numpy as np
 
+from scaraspec.api import audit
 from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.root_causes import summary
 from scaraspec.report.sanitizing import visible
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
@@ -43,7 +44,12 @@ _AGAIN_S: Final = 0.2
     type=Instant(),
     help="Move the cursor to this time: 2026-11-21T08:15:30.5 (UTC) or Unix seconds.",
 )
-def command(file: Path, port: int | None, at_ns: int | None) -> None:
+@click.option(
+    "--finding",
+    type=click.IntRange(min=1),
+    help="Move the cursor to this finding: its place in the list that audit prints.",
+)
+def command(file: Path, port: int | None, at_ns: int | None, finding: int | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
     A missing .rrd is written first: for an intact recording beside it, for other captures into a
@@ -54,6 +60,8 @@ def command(file: Path, port: int | None, at_ns: int | None) -> None:
         raise Problem(NO_VIEWER)
     with tempfile.TemporaryDirectory(prefix="scaraspec-") as scratch:
         try:
+            if finding is not None:
+                at_ns = _moment(file, port, finding)
             drawn, whole = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
         except CaptureError as error:
             raise unreadable(error) from None
@@ -66,6 +74,21 @@ def command(file: Path, port: int | None, at_ns: int | None) -> None:
         _show(drawn, at_ns)
     if not whole:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
+
+
+def _moment(file: Path, port: int | None, number: int) -> int:
+    """Return the time of a finding of an audit."""
+    lines = summary(audit(file, port=port)[0])
+    moment = lines[number - 1].case.moment if number <= len(lines) else None
+    if moment is None:
+        raise Problem(
+            UserMessage(
+                "{file} has no finding {number} with a time: see scaraspec audit",
+                file=file,
+                number=number,
+            )
+        )
+    return moment.time_ns
 
 
 def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
@@ -120,6 +143,7 @@ def _free_port() -> int:
 
 def _seek(viewer: subprocess.Popen[bytes], url: str, at_ns: int) -> None:
     """Move the cursor of the viewer once it has loaded the recording."""
+    import numpy as np  # noqa: PLC0415 - part of the same extra as the viewer
     from rerun.experimental import ViewerClient  # noqa: PLC0415 - it needs the viewer
 
     deadline_s = time.monotonic() + _OPENING_S

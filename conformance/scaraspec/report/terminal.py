@@ -5,6 +5,7 @@ from the SUT is sanitized: none of its control characters reaches the terminal.
 """
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
@@ -50,6 +51,8 @@ _ABBREVIATIONS: Final = (
     "C2A: from the controller (control layer) to the client"
 )
 _MAX_REASONS: Final = 8
+_SEVERAL_FILES: Final = " … "
+"""Between the first and the last file in the title of a recording in parts."""
 
 
 def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS) -> None:
@@ -74,6 +77,9 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         console.print(_text(line), soft_wrap=True)
     if results.role is Role.CAPTURE and shown:
         console.print(_text(_ABBREVIATIONS, "dim"), soft_wrap=True)
+        if shown[0].case.moment and _SEVERAL_FILES not in results.subject.file:
+            command = shlex.join(["scaraspec", "view", results.subject.file, "--finding", "1"])
+            console.print(_text(f"to see the first finding: {command}", "dim"), soft_wrap=True)
 
 
 def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: Console) -> None:

@@ -2,6 +2,7 @@
 
 import re
 import signal
+import subprocess
 import sys
 import time
 from contextlib import suppress
@@ -173,3 +174,27 @@ def test_no_time(processes: Any) -> None:
     done = processes.run("view", "capture.mcap", "--at", "noon")
     assert done.returncode == 2
     assert "'noon' is not a time" in done.stderr
+
+
+def test_a_finding_that_does_not_exist(processes: Any, fixtures_dir: Path, shown: Path) -> None:
+    """The number is that of the list that audit prints."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    done = processes.run("view", f"{source}", "--finding", "9")
+    assert done.returncode == 2
+    assert "has no finding 9 with a time: see scaraspec audit" in done.stderr
+    assert not (shown / "called").exists()
+
+
+def test_without_the_extra(fixtures_dir: Path) -> None:
+    """A light installation has neither the viewer nor numpy; the message names the extra."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    code = (
+        "import sys; sys.modules['numpy'] = sys.modules['rerun'] = None;"
+        f"sys.argv = ['scaraspec', 'view', {str(source)!r}];"
+        "from scaraspec.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert (
+        done.stderr == "scaraspec: the viewer needs the extra view: pip install 'scaraspec[view]'\n"
+    )

@@ -24,6 +24,7 @@ COMMAND: Final = "state/command"
 PROGRAM: Final = "state/program"
 TRANSFER: Final = "state/transfer"
 LINK: Final = "state/link"
+FINDING: Final = "state/finding"
 
 EVENTS: Final = "log/events"
 EXCHANGES: Final = "log/exchanges"
@@ -37,7 +38,9 @@ LEGEND: Final = """\
   The document gives no geometry, so another robot has another shape. **Tool path**: where the
   controller says that the tool is (0x38).
 - **States**: the robot's status (0x09), the two-stage command in flight, from request to final
-  result, the program that runs (0x0A), the file transfer, the link; ports on a page of their own.
+  result, the program that runs (0x0A) until the robot is idle, the file transfer, the link, and
+  each violation for a second; ports on a page of their own.
+- **Plots**: reported values, each until the next one.
 - **Reply latency**: the robot's, and beside it what the recorder in between has added.
 - **Log**: findings, bytes that are no frame, gaps, commands. Queries are under *All exchanges*.
 - Timelines: `time` (clock of the recorder), `elapsed`, `exchange` (number of the request).
@@ -106,7 +109,12 @@ def analog_series(port: int) -> str:
 def styles() -> Iterator[tuple[str, Any]]:
     """Yield the static styles of all series and lanes."""
     for entity, (name, colour) in SERIES.items():
-        yield entity, rr.SeriesLines(names=name, colors=_rgba(colour), widths=1.5)
+        yield (
+            entity,
+            rr.SeriesLines(
+                names=name, colors=_rgba(colour), widths=1.5, interpolation_mode="StepAfter"
+            ),
+        )
     for entity, (name, colour) in LATENCY.items():
         yield entity, rr.SeriesPoints(names=name, colors=_rgba(colour), marker_sizes=2.5)
     yield DURATION, rr.SeriesPoints(names="execution s", colors=_rgba(_BLUE), marker_sizes=4)
@@ -123,6 +131,11 @@ def names(texts: Iterable[str]) -> Any:
     """Return the style of a lane of names; it avoids the colours of good and bad states."""
     colours = cycle((_BLUE, _TEAL, _VIOLET))
     return _lane({text: (text, colour) for text, colour in zip(texts, colours, strict=False)})
+
+
+def violations(texts: Iterable[str]) -> Any:
+    """Return the style of the lane of violations."""
+    return _lane({text: (text, _RED) for text in texts})
 
 
 def _codes() -> Iterator[tuple[errors.Code, int]]:

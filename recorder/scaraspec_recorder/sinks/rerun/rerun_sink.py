@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.commands import JointValues, PortValue, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
@@ -38,6 +39,8 @@ from scaraspec_recorder.sinks.rerun import blueprint, rerun_files, rerun_rows
 APPLICATION: Final = "scaraspec"
 FILE_DELAY_NS: Final = 5_000_000_000
 LIVE_DELAY_NS: Final = 100_000_000
+_IDLE: Final = "00"
+_SHOWN_NS: Final = 1_000_000_000
 _MOST_NAMES: Final = 100  # names with a style, per lane
 _PAGE_CHARACTERS: Final = 200_000
 _PORTS: Final = range(1, 41)  # L655, L667
@@ -68,7 +71,10 @@ class RerunSink:
         self._now_ns = 0
         self._number = 0
         self._lanes: dict[str, str] = {}
-        self._names: dict[str, list[str]] = {blueprint.PROGRAM: [], blueprint.TRANSFER: []}
+        self._names: dict[str, list[str]] = {
+            lane: [] for lane in (blueprint.PROGRAM, blueprint.TRANSFER, blueprint.FINDING)
+        }
+        self._found_ns = 0  # when the last violation was found
         self._in_flight: dict[int, str] = {}  # two-stage commands, by identity of the request
         self._connected: set[str] = set()
         self._latencies = LatencyTracker()
@@ -124,6 +130,7 @@ class RerunSink:
         self._now_ns = event.time_ns
         self._latencies.write(event)
         self._begin(event.time_ns)
+        self._end_finding(event.time_ns)
         ended = event.kind in (Kind.CLOSED, Kind.RESET)
         if ended is (event.connection in self._connected):
             self._link(event)
@@ -138,6 +145,8 @@ class RerunSink:
                 self._exchange(item)
             case Transfer():
                 self._transfer(item)
+            case Finding(verdict=Verdict.FAIL):
+                self._finding(item)
         if line:
             log = blueprint.EXCHANGES if isinstance(item, Exchange) else blueprint.EVENTS
             self._put(log, rerun_rows.lines, line)
@@ -191,7 +200,8 @@ class RerunSink:
             known = self._names.get(lane)
             if known is not None and value not in ("", *known) and len(known) < _MOST_NAMES:
                 known.append(value)
-                self._stream.log(lane, blueprint.names(known), static=True)
+                style = blueprint.violations if lane == blueprint.FINDING else blueprint.names
+                self._stream.log(lane, style(known), static=True)
             self._put(lane, rerun_rows.states, value, time_ns)
 
     def _session_page(self, summary: Mapping[str, str]) -> None:
@@ -211,6 +221,14 @@ class RerunSink:
         else:
             state = "reset" if event.kind is Kind.RESET else ""
         self._state(blueprint.LINK, state)
+
+    def _finding(self, finding: Finding) -> None:
+        """Draw a violation, until the next one or for a second."""
+        self._found_ns = self._now_ns
+        self._state(blueprint.FINDING, finding.requirement)
+
+    def _end_finding(self, now_ns: int) -> None:
+        self._state(blueprint.FINDING, "", min(now_ns, self._found_ns + _SHOWN_NS))
 
     def _frame(self, seen: FrameSeen) -> None:
         self._latencies.frame(seen)
@@ -252,6 +270,8 @@ class RerunSink:
 
     def _status(self, exchange: Exchange) -> None:
         self._state(blueprint.ROBOT_STATUS, str(exchange.reply_value).upper())
+        if exchange.reply_value == _IDLE:
+            self._state(blueprint.PROGRAM, "")
 
     def _program(self, exchange: Exchange) -> None:
         answer = exchange.reply_value

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from rerun.chunk import RrdReader
+from traffic_notation import wire_events
 
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.commands import COMMANDS, Command
@@ -308,3 +309,24 @@ def test_missing_rerun() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     expected = "drawing recordings needs rerun: pip install 'scaraspec[view]'\n"
     assert done.stdout == expected
+
+
+def test_a_violation_is_shown_for_a_second(tmp_path: Path) -> None:
+    """It has a lane of its own; the lane of the program ends when the robot is idle."""
+    path = tmp_path / "a.rrd"
+    session = """
+        login
+        > get_running_program
+        < get_running_program 1|a.rob|00000001
+        > reset
+        < reset 1
+        <90 reset 11
+        <90 reset 11
+        +3
+        > get_status
+        < get_status 00
+    """
+    write_rrd(wire_events(session), path)
+    state = "StateChange:state"
+    assert column(path, blueprint.FINDING, state) == ["3/18", ""]
+    assert column(path, blueprint.PROGRAM, state) == ["a.rob", ""]
