@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark test-archive check bench soak trust pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -71,6 +71,12 @@ test-browser: $(READY)
 # of Mesa.
 test-viewer: $(READY)
 	$(BIN)/pytest -m viewer conformance/tests/cli
+
+# Captures that are cut at many places, with lost packets, or damaged: nothing fails that does not
+# fail in the whole capture, and no file causes a traceback. Takes a quarter of an hour.
+test-captures: $(READY)
+	$(BIN)/python conformance/tests/support/lost_packets.py --seeds 100
+	$(BIN)/python conformance/tests/support/damaged_captures.py --count 5000
 
 # Tests of the dissector in tshark.
 test-wireshark: $(READY)

@@ -18,7 +18,7 @@ from scaraspec_recorder.tcp_segment import FIN, RST, SYN, Endpoint, Segment, dis
 SOURCE = Path(__file__).parents[3] / "fixtures/captures/field/plant-a-morning-shift.pcapng"
 HOUR_NS = 3600 * 10**9
 _NUMBERS = 1 << 32
-_RAW_IP = 101
+RAW_IP = 101
 
 Maker = Callable[[list[Segment]], Iterable[Segment]]
 
@@ -33,15 +33,16 @@ def read(path: Path) -> list[Segment]:
 def write(path: Path, segments: Iterable[Segment]) -> None:
     """Write segments as pcap: raw IP, with right checksums except in corrupt segments."""
     with path.open("wb") as file:
-        file.write(struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, _RAW_IP))
+        file.write(struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, RAW_IP))
         for segment in segments:
-            packet = _packet(segment)
+            packet = packet_of(segment)
             seconds, nanoseconds = divmod(segment.time_ns, 10**9)
             sizes = len(packet), len(packet) + segment.cut_bytes
             file.write(struct.pack("<IIII", seconds, nanoseconds, *sizes) + packet)
 
 
-def _packet(segment: Segment) -> bytes:
+def packet_of(segment: Segment) -> bytes:
+    """Return a segment as an IP packet."""
     src, dst = segment.src, segment.dst
     numbers = src.port, dst.port, segment.seq % _NUMBERS, segment.ack % _NUMBERS
     tcp = struct.pack(">HHIIBBHHH", *numbers, 0x50, segment.flags, 8000, 0, 0) + segment.payload
