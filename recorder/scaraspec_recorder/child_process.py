@@ -109,9 +109,15 @@ class ChildProcess:
         self._supervisor = asyncio.get_running_loop().create_task(self._supervise(self._spawn()))
 
     async def stop(self, timeout_s: float) -> bool:
-        """Stop the process, and kill it after `timeout_s`. Return whether it stopped in time."""
+        """Stop the process, and kill it after `timeout_s`. Return whether it stopped in time.
+
+        A suspended process (SIGSTOP) is continued first.
+        """
         self._stopping.set()
         self.control_socket.close()
+        if self.pid and self._supervisor and not self._supervisor.done():
+            with suppress(ProcessLookupError, AttributeError):  # it has just ended; Windows
+                os.kill(self.pid, signal.SIGCONT)
         try:
             if self._supervisor:
                 await asyncio.wait_for(self._supervisor, timeout_s)
@@ -149,7 +155,7 @@ class ChildProcess:
                 delay_s = min(2 * delay_s, MAX_RESTART_DELAY_S)
                 try:
                     process = self._spawn()
-                except OSError as error:  # too many processes or files at the moment
+                except (OSError, MemoryError) as error:  # too many processes or files at the moment
                     _log.warning("the %s process cannot be started: %s", self._name, error)
                 else:
                     break
@@ -187,10 +193,28 @@ def _child_main(name: str, run: Callable[..., None], *arguments: Any) -> None:
         raise
 
 
+def _watch(process: "BaseProcess") -> asyncio.Future[Any]:
+    """Return a future that is done when a process has ended.
+
+    No thread is needed where the event loop can watch the process: without memory, none starts.
+    """
+    loop = asyncio.get_running_loop()
+    if sys.platform == "win32":
+        return loop.run_in_executor(None, wait, [process.sentinel])
+    ended: asyncio.Future[Any] = loop.create_future()
+    sentinel = process.sentinel
+
+    def end() -> None:
+        loop.remove_reader(sentinel)
+        ended.set_result(None)
+
+    loop.add_reader(sentinel, end)
+    return ended
+
+
 async def _end_of(process: "BaseProcess") -> int | None:
     """Wait for the end of a process; kill it if the wait is cancelled."""
-    loop = asyncio.get_running_loop()
-    ended: asyncio.Future[list[Any]] = loop.run_in_executor(None, wait, [process.sentinel])
+    ended = _watch(process)
     try:
         await asyncio.shield(ended)
     finally:

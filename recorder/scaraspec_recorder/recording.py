@@ -9,6 +9,7 @@ import errno
 import shutil
 import socket
 from collections.abc import AsyncIterator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, asynccontextmanager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.sinks.sink_runner import Progress, count_unwritten
 from scaraspec_recorder.spool import mark_requests
 from scaraspec_recorder.spool.durability import SYNC_S, SpoolSync
-from scaraspec_recorder.spool.locks import locked_spool
+from scaraspec_recorder.spool.locks import locked_spool, was_removed
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
 from scaraspec_recorder.tap import tap, tcp
 from scaraspec_recorder.tap.routes import Route
@@ -64,6 +65,7 @@ class Recording:
         self.drain_s = DRAIN_S
         self._progress = Progress()
         self._ended = False
+        self._spool_removed = False
 
     @property
     def address(self) -> tuple[str, int]:
@@ -73,28 +75,50 @@ class Recording:
     @property
     def progress(self) -> Progress:
         """Progress of the writer process at its last tick."""
-        if not self._ended and (state := read_checkpoint(self.spool).get("state")):
-            self._progress = Progress.read(state)
+        if not self._ended:
+            state = read_checkpoint(self.spool).get("state", {})
+            progress = Progress.read(state)
+            # An earlier recording may have finished after its recorder was killed.
+            if state and not progress.finished:
+                self._progress = progress
+            self._note_removal()
         return self._progress
 
     async def stop_writer(self) -> None:
         """Let the writer process write the rest, for `drain_s`, or until it fails repeatedly."""
         stopping = asyncio.ensure_future(self.writer.stop(self.drain_s))
-        failures = self.writer.failures + _END_FAILURES
+        failures, finished = self.writer.failures + _END_FAILURES, False
         try:
             while not stopping.done() and self.writer.failures < failures:
                 await asyncio.wait((stopping,), timeout=_POLL_S)
+            finished = stopping.done() and await stopping
         finally:
             stopping.cancel()
             await asyncio.gather(stopping, return_exceptions=True)
-            self._end()
+            self._end(finished=finished)
 
-    def _end(self) -> None:
-        """Read the final progress. The writer process has ended."""
-        if not self.progress.finished:
-            with suppress(OSError):  # the spool was removed: the last progress remains
-                self._progress = count_unwritten(self.spool)
+    def _end(self, *, finished: bool) -> None:
+        """Read the final progress. The writer process has ended.
+
+        Args:
+            finished: Whether it has written everything.
+        """
+        with suppress(OSError):  # the spool cannot be read: the last progress remains
+            self._progress = (
+                Progress.read(read_checkpoint(self.spool).get("state", {}))
+                if finished
+                else count_unwritten(self.spool)
+            )
+        self._note_removal()
         self._ended = True
+
+    def _note_removal(self) -> None:
+        self._spool_removed = self._spool_removed or was_removed(self.spool)
+        problem = (
+            f"{self.spool} was removed during the recording: bytes may be lost and not counted"
+        )
+        if self._spool_removed and problem not in self._progress.problems:
+            self._progress.problems.append(problem)
 
     def request_mark(self) -> None:
         """Request a mark in the recording. The writer process writes it as soon as it runs.
@@ -139,11 +163,16 @@ def _listening(route: Route, listen: Sequence[tuple[str, int]]) -> Iterator[list
 
 
 async def _sync(spool: Path) -> None:
-    """Write the spool through to the device until cancelled."""
-    spool_sync = SpoolSync(spool)
-    while True:
-        await asyncio.to_thread(spool_sync.sync)
-        await asyncio.sleep(SYNC_S)
+    """Write the spool through to the device until cancelled, in one thread."""
+    spool_sync, loop = SpoolSync(spool), asyncio.get_running_loop()
+    thread = ThreadPoolExecutor(1)
+    try:
+        while True:
+            with suppress(RuntimeError):  # no memory for a thread: the next turn reports the delay
+                await loop.run_in_executor(thread, spool_sync.sync)
+            await asyncio.sleep(SYNC_S)
+    finally:
+        thread.shutdown(wait=False)
 
 
 @asynccontextmanager
@@ -209,4 +238,5 @@ async def record(  # noqa: PLR0913 - independent options
                 if syncing:
                     syncing.cancel()
             if recording.progress.finished:
-                shutil.rmtree(spool)
+                with suppress(FileNotFoundError):  # another process has removed it
+                    shutil.rmtree(spool)

@@ -5,12 +5,14 @@ import os
 import pickle
 import random
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -21,7 +23,9 @@ import journal
 from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.sinks.sink import SinkFactory
+from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool import locks
+from scaraspec_recorder.spool.spool import replace_state
 from scaraspec_recorder.tap.routes import Upstream
 
 TIMEOUT_S = 30
@@ -286,6 +290,58 @@ def test_an_unfinished_writer_leaves_its_spool_to_the_next(tmp_path: Path) -> No
             (tmp_path / "full").unlink()
             async with record(upstream, listen, tmp_path, [journal.Trouble]) as recording:
                 pass
+        assert recording.progress.finished
+        assert recording.progress.a2c.recorded_bytes == len(client.sent)
+
+    run(test)
+
+
+def test_a_finished_recording_of_a_killed_recorder(tmp_path: Path) -> None:
+    """It is not mistaken for the present one, whose spool remains."""
+    (tmp_path / "full").touch()
+    finished = Progress(connections=7, finished=True)
+    replace_state(locks.spool_folder(tmp_path), {"progress": asdict(finished)})
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Trouble) as recording:
+            assert recording.progress == Progress()
+            async with Client(recording.address) as client:
+                await client.exchange(10)
+                await client.finish()
+        progress = recording.progress
+        assert not progress.finished
+        assert progress.connections == 1
+        assert progress.a2c.received_bytes == progress.a2c.spooled_bytes == len(client.sent)
+        assert recording.spool.exists()
+
+    run(test)
+
+
+def test_a_removed_spool_is_reported(tmp_path: Path) -> None:
+    """The counts may be incomplete."""
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            shutil.rmtree(recording.spool)
+        (problem,) = recording.progress.problems
+        assert problem.startswith(f"{recording.spool} was removed during the recording: ")
+
+    run(test)
+
+
+def test_a_suspended_writer_is_continued_at_the_end(tmp_path: Path) -> None:
+    """Otherwise the end would wait for it."""
+
+    async def test() -> None:
+        async with (
+            session(tmp_path, journal.Journal) as recording,
+            Client(recording.address) as client,
+        ):
+            await client.exchange(10)
+            await client.finish()
+            await wait_until(lambda: recording.writer.pid)
+            assert recording.writer.pid
+            os.kill(recording.writer.pid, signal.SIGSTOP)
         assert recording.progress.finished
         assert recording.progress.a2c.recorded_bytes == len(client.sent)
 

@@ -327,8 +327,9 @@ async def _show(watches: Sequence[StatusReader], recordings: int, stopped: async
     period_s = _DASHBOARD_S if console.is_terminal else _LINES_S
     with display:
         while True:
-            statuses = [watch.read_status() for watch in watches]
-            display.update(statuses, ending=stopped.is_set())
+            with contextlib.suppress(OSError, MemoryError):  # too many open files at the moment
+                statuses = [watch.read_status() for watch in watches]
+                display.update(statuses, ending=stopped.is_set())
             notify(ALIVE)
             if not ready and len(watches) == recordings:
                 ready = True

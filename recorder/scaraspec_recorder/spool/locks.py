@@ -89,6 +89,11 @@ def lock_spool(spool: Path) -> int:
         spool.mkdir(mode=0o700, exist_ok=True)
 
 
+def was_removed(spool: Path) -> bool:
+    """Whether another process has removed a spool that this process has locked."""
+    return not (spool / _LOCK).exists()
+
+
 @contextmanager
 def locked_spool(out_dir: Path, limit_bytes: int, *, durable: bool = False) -> Iterator[Path]:
     """Lock the spool of `out_dir`, and remove abandoned spools."""

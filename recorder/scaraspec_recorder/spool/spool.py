@@ -10,6 +10,7 @@ after each failed write: only the end of a segment can be incomplete.
 
 import errno
 import json
+import logging
 import os
 import sys
 import time
@@ -52,6 +53,8 @@ _MAX_DEFERRED: Final = 10_000
 _SUFFIX: Final = ".spool"
 _CHECKPOINT: Final = "checkpoint.json"
 _BINARY: Final = getattr(os, "O_BINARY", 0)  # Windows would write CR LF for LF
+
+_log = logging.getLogger(__name__)
 
 
 def lock(path: Path, *, wait: bool) -> int:
@@ -112,6 +115,7 @@ class SpoolWriter:
         self._segment_limit_bytes = min(limit_bytes // 16, _MAX_SEGMENT_BYTES)
         self._write = write
         self._segment: int | None = None  # its descriptor
+        self._number = 0
         self._segment_bytes = 0
         self._spooled_bytes = 0  # upper bound: deletions are noticed later
         self._block = Block()
@@ -164,12 +168,15 @@ class SpoolWriter:
         self._block.clear()
 
     def close(self) -> None:
-        """Write the remaining records, as far as possible."""
+        """Write the remaining records; log those that cannot be written."""
         self._limit_bytes = (
             sys.maxsize
         )  # the deferred records are small, and this is the last attempt
         self.flush()
         self._write_deferred()
+        if self._deferred:
+            lost_bytes = sum(record.length_bytes for record in self._deferred)
+            _log.error("the last %d bytes are not recorded: %s", lost_bytes, self._write_error)
         self._end_segment()
 
     def _on_flush_timer(self) -> None:
@@ -230,6 +237,8 @@ class SpoolWriter:
         size_bytes = len(data)
         self._make_room(size_bytes)
         try:
+            if self._segment is not None and not os.fstat(self._segment).st_nlink:
+                self._end_segment()  # another process has removed the spool
             if self._segment is None:
                 self._segment = self._begin_segment()
             while data:
@@ -258,7 +267,8 @@ class SpoolWriter:
 
     def _begin_segment(self) -> int:
         self._directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = _path(self._directory, max(_segments(self._directory), default=0) + 1)
+        self._number = max([self._number, *_segments(self._directory)]) + 1
+        path = _path(self._directory, self._number)
         self._segment_bytes = 0
         return os.open(path, os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_WRONLY | _BINARY, 0o600)
 
@@ -293,6 +303,7 @@ class SpoolReader:
         checkpoint = read_checkpoint(directory)
         self.state: dict[str, Any] = checkpoint.get("state", {})
         self.stall = stall_of(checkpoint)
+        self._checkpoint = checkpoint
         self._number, self._at = checkpoint.get("segment", 0), checkpoint.get("offset_bytes", 0)
         self._file: BinaryIO | None = None
         if self._number in _segments(directory):
@@ -338,10 +349,20 @@ class SpoolReader:
         """
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
         _write_checkpoint(self._directory, checkpoint, durable=self._durable)
+        self._checkpoint = checkpoint
         self.stall = None
         for number in _segments(self._directory):
             if number < self._number:
                 _path(self._directory, number).unlink()
+
+    def restore(self) -> None:
+        """Write the last acknowledged position and state again if the spool was removed.
+
+        Raises:
+            OSError: They cannot be written.
+        """
+        if not read_checkpoint(self._directory):
+            _write_checkpoint(self._directory, self._checkpoint)
 
     def mark_request_count(self) -> int:
         """Return the number of mark requests, see `mark_requests`."""
@@ -412,6 +433,7 @@ def stall_of(checkpoint: Mapping[str, Any]) -> WriteStall | None:
 def _write_checkpoint(
     directory: Path, checkpoint: Mapping[str, Any], *, durable: bool = False
 ) -> None:
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)  # if another process has removed it
     temporary = directory / (_CHECKPOINT + ".new")
     temporary.write_text(json.dumps(checkpoint), "utf-8")
     if durable:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 from collections.abc import Callable
 from contextlib import closing
 from itertools import pairwise
@@ -123,6 +124,23 @@ def test_a_writer_begins_with_a_restart(bench: Bench) -> None:
     assert bench.read() == [
         Record(ControlRecord.RESTART, 0, 7, 0, b"the forwarding process started")
     ]
+
+
+def test_a_removed_spool_is_continued(bench: Bench) -> None:
+    """The reader gets what it had not read yet, and what follows."""
+    bench.send(b"abc")
+    bench.writer.flush()
+    with closing(SpoolReader(bench.directory)) as reader:
+        assert len(drain(reader)) == 2
+        reader.acknowledge({"connections": 1})
+        bench.send(b"def")
+        bench.writer.flush()
+        shutil.rmtree(bench.directory)
+        bench.send(b"ghi")
+        bench.writer.flush()
+        assert [record.payload for record in drain(reader)] == [b"def", b"ghi"]
+        reader.restore()
+    assert spool.read_checkpoint(bench.directory)["state"] == {"connections": 1}
 
 
 def test_the_timer_writes_records(bench: Bench) -> None:
@@ -382,6 +400,17 @@ def test_a_gap_is_written_at_the_end(tmp_path: Path) -> None:
     bench.writer.close()
     (_, begin, length), (kind, gap_begin, gap_length) = summaries(bench.read())[-2:]
     assert (kind, gap_begin, gap_begin + gap_length) == (Kind.GAP, begin + length, 150_000)
+
+
+def test_a_rest_that_cannot_be_written_is_logged(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The process ends after this attempt."""
+    bench.disk.refuses = True
+    bench.send(b"abc")
+    bench.send(b"de", OTHER)
+    bench.writer.close()
+    assert caplog.messages == ["the last 5 bytes are not recorded: No space left on device"]
 
 
 def test_pending_records_are_bounded(bench: Bench) -> None:
