@@ -91,12 +91,14 @@ def parse_limits(text: str) -> Limits:
 
 
 def show_duration(duration_ns: int) -> str:
-    """Return a duration as text in its largest whole unit, such as ``36 h``."""
-    for unit in ("d", "h", "min", "s"):
+    """Return a duration as text in its largest whole unit, such as ``36 h``, or rounded."""
+    units = ("d", "h", "min", "s")
+    for unit in units:
         number, rest_ns = divmod(duration_ns, _DURATIONS_NS[unit])
         if number and not rest_ns:
             return f"{number} {unit}"
-    return f"{duration_ns / SECOND_NS:.4g} s"
+    unit = next((each for each in units if duration_ns >= _DURATIONS_NS[each]), "s")
+    return f"{duration_ns / _DURATIONS_NS[unit]:.3g} {unit}"
 
 
 def show_size(size_bytes: int) -> str:

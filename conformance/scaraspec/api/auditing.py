@@ -138,6 +138,11 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     )
     notices = (*([_INTERRUPTED] if interrupted else []), *_notices(subject, judge, listener))
     notices += tuple(_one_sided_notices(one_sided))
+    if isinstance(capture, McapCapture):
+        notices += tuple(
+            UserMessage("Recorder: {event}. Durations across this time are wrong", event=each)
+            for each in capture.summary.clock_events
+        )
     results = replace(results, notices=notices)
     results = _as_recorded(results, whole=capture.summary.whole, interrupted=interrupted)
     return results, tuple(capture.summary.notes)

@@ -18,7 +18,7 @@ from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.own_files import remove_temporary_files
-from scaraspec_recorder.sinks.redaction import Redactor
+from scaraspec_recorder.sinks.redaction import make_redactor
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFailed
 from scaraspec_recorder.units import Limits, show_size
 
@@ -81,8 +81,9 @@ def archive_sink(
     remove_temporary_files(folder.path)
     index = RecordingIndex(folder.path)
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
+    before, limits = folder.state.clock, (archive.keep, archive.min_free_bytes)
     retention = Retention(
-        index, archive.keep, archive.min_free_bytes, free_bytes, protect_ns=archive.protect_ns
+        index, *limits, free_bytes, ClockWatch(before=before), protect_ns=archive.protect_ns
     )
     enough = retention.enforce(now_ns())
     if enough:
@@ -101,8 +102,8 @@ def archive_sink(
         )
     rotation = Rotation(recording_folder, judge, archive.rotate)
     outputs = with_marks([rotation], archive.triggers, folder, command)
-    redactor = Redactor() if archive.redact else None
-    decoder = Decoder(outputs, judge, redactor, ClockWatch())
+    redactor = make_redactor(folder) if archive.redact else None
+    decoder = Decoder(outputs, judge, redactor, ClockWatch(before=before))
     forecast = Forecast(folder.path, archive.keep, free_bytes)
     return _Retained(decoder, retention, recording_folder, _too_little(archive), forecast)
 
@@ -154,9 +155,11 @@ class _Retained:
         self._looked_ns = now_ns
         if text := self._forecast.text(now_ns):
             _log.warning("forecast: %s", text)
-        if not self._retention.enforce(
+        enough = self._retention.enforce(
             now_ns, self._folder.unlisted_bytes, self._folder.unlisted_marks
-        ):
+        )
+        self._folder.folder.state.clock = self._retention.clock.state
+        if not enough:
             self.close()  # events before this tick are durable and not delivered again
             self._full = True
 

@@ -10,7 +10,7 @@ from scaraspec_recorder.recordings.recording_files import make_files, session_me
 from scaraspec_recorder.recordings.trigger_command import TriggerCommand
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
-from scaraspec_recorder.sinks.redaction import Redactor
+from scaraspec_recorder.sinks.redaction import make_redactor
 from scaraspec_recorder.sinks.sink import OutputFolder
 
 
@@ -48,8 +48,8 @@ def capture_sink(  # noqa: PLR0913 - independent options
     paths, outputs = make_files(folder, "capture", metadata, draw=draw, optimized=True)
     command = TriggerCommand(on_trigger, robot, lambda: paths[0]) if on_trigger else None
     marked = with_marks(outputs, triggers, folder, command)
-    judge, redactor = Judge(needs_login=needs_login), Redactor() if redact else None
-    return Decoder(marked, judge, redactor, ClockWatch())
+    redactor = make_redactor(folder) if redact else None
+    return Decoder(marked, Judge(needs_login=needs_login), redactor, ClockWatch())
 
 
 def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:

@@ -22,7 +22,7 @@ from scaraspec_recorder.sinks.decoder import Item, Output
 from scaraspec_recorder.sinks.file_names import file_stem
 from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, MASKED, PASSWORDS, SERIAL, McapSink
 from scaraspec_recorder.sinks.rerun.optimizer import optimize_later
-from scaraspec_recorder.sinks.sink import OutputFolder
+from scaraspec_recorder.sinks.sink import OutputFolder, SinkFailed
 from scaraspec_recorder.sinks.text import LogLine
 
 _HEAD_BYTES: Final = 1 << 16
@@ -123,21 +123,28 @@ def make_files(
         OSError: A file cannot be created; also `SinkFailed`.
         ImportError: The extra for Rerun is not installed.
     """
-    path = folder.new(f"{name}.mcap")
+    path = folder.new(f"{name}.mcap", beside=RERUN_SUFFIX if draw else "")
+    created = [path]
+
+    def discard() -> None:
+        for each in created:
+            each.unlink(missing_ok=True)
+
     file = path.open("wb", _HEAD_BYTES)
-    capture = McapSink(file, session, discard=path.unlink)
+    capture = McapSink(file, session, discard)
     if not draw:
         return (path,), (capture,)
-    drawn: Path | None = None
     try:
         from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
         drawn = folder.new(f"{path.stem}{RERUN_SUFFIX}")
+        created.append(drawn)
         drawing = RerunSink.to_file(drawn, session, optimized=optimized, footer=not optimized)
-    except BaseException:
+    except BaseException as error:
         file.close()
-        for created in filter(None, (path, drawn)):
-            created.unlink()
+        discard()
+        if isinstance(error, RuntimeError):  # of rerun, which has no memory or no file
+            raise SinkFailed(str(error)) from error
         raise
     return (path, drawn), (capture, drawing)
 

@@ -213,7 +213,7 @@ def _count(path: Path, stats: RecordingStats) -> None:
                 stats.exchanges += 1
             elif topic == "/log":
                 with suppress(ValueError):  # as below
-                    if foxglove.log_source(record.data) == SOURCE:
+                    if foxglove.read_log(record.data)[0] == SOURCE:
                         stats.add_mark(record.log_time)
             elif topic == "/findings":
                 with suppress(ValueError):  # a foreign file with the name of a recording

@@ -35,6 +35,9 @@ class Retention:
         free_bytes: Returns the free disk space.
         clock: Detects steps of the clock. After a step the ages are unknown, and only sizes count.
         protect_ns: How long before and after a mark recordings are protected; 0 for no protection.
+
+    Attributes:
+        clock: The same.
     """
 
     def __init__(  # noqa: PLR0913 - independent options
@@ -51,8 +54,7 @@ class Retention:
         self._keep = keep
         self._min_free_bytes = min_free_bytes
         self._free_bytes = free_bytes
-        self._clock = clock or ClockWatch()
-        self._ages_known = True
+        self.clock = clock or ClockWatch()
         self._protect_ns = protect_ns
         self._open_marks: Sequence[tuple[int, int]] = ()
 
@@ -73,7 +75,7 @@ class Retention:
         Raises:
             OSError: A file cannot be removed, or the index cannot be written.
         """
-        self._ages_known = self._ages_known and not self._clock.step_ns()
+        self.clock.step_ns()
         self._open_marks = open_marks
         protected = self._protected()
         oldest_first = self._oldest_first()
@@ -81,7 +83,7 @@ class Retention:
         for entry in oldest_first:
             if entry.name in protected:
                 continue
-            age_known = self._ages_known and entry.end_ns >= _CLOCK_UNSET_NS
+            age_known = not self.clock.was_set and entry.end_ns >= _CLOCK_UNSET_NS
             age_ns = now_ns - entry.end_ns if age_known else 0
             if reason := _too_much(self._keep, total_bytes, age_ns):
                 total_bytes -= entry.size_bytes

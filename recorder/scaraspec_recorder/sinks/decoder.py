@@ -15,10 +15,10 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks import text as event_text
-from scaraspec_recorder.sinks.clock_watch import ClockWatch
+from scaraspec_recorder.sinks.clock_watch import LOG_SOURCE, ClockWatch
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.sinks.sink import SinkFailed
+from scaraspec_recorder.sinks.sink import ENVIRONMENT_FAILURES
 from scaraspec_recorder.sinks.text import Level, LogLine
 from scaraspec_recorder.units import show_duration
 
@@ -132,7 +132,7 @@ class Decoder:
     def _mark(self, now_ns: int, text: str) -> None:
         _log.warning("%s", text)
         for output in self._outputs:
-            output.mark(now_ns, LogLine(Level.WARN, "clock", text))
+            output.mark(now_ns, LogLine(Level.WARN, LOG_SOURCE, text))
 
     def _flush(self) -> None:
         if self._redactor:
@@ -154,7 +154,7 @@ class Decoder:
                 number, line = self._number(item), self._line(item)
                 for output in self._outputs:
                     output.take(item, number, line)
-        except (OSError, SinkFailed):
+        except ENVIRONMENT_FAILURES:
             raise
         except Exception as error:  # noqa: BLE001 - the raw layer must continue
             self._defect = f"decoding stopped because of a defect in this tool: {error!r}"

@@ -2,8 +2,8 @@
 
 `scaraspec.protocol.redaction` defines what is secret and how it is masked. This module finds the
 secret bytes in a stream: passwords, also where they occur again, bytes outside of frames, and the
-data of unknown frames. If in doubt, it masks too much rather than too little. Only an unfinished
-frame with a known opcode, at a flush, is shown except for passwords.
+data of unknown frames. If in doubt, it masks too much rather than too little: at a flush, also the
+data of an unfinished frame.
 """
 
 import re
@@ -12,11 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from scaraspec.protocol.commands import is_known_opcode
-from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.commands import BY_NAME, is_known_opcode
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.fields import Diagnostics
 from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped
-from scaraspec.protocol.redaction import is_secret, mask, secret_offset
+from scaraspec.protocol.redaction import is_secret, mask
+from scaraspec.protocol.transfer import HEAD_BYTES, FileData
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.sinks.sink import OutputFolder, SinkState
 
 MASKED_NOTE: Final = "passwords masked"
 """The note of every raw event in which bytes were hidden."""
@@ -24,7 +27,11 @@ MASKED_NOTE: Final = "passwords masked"
 MIN_PASSWORD_BYTES: Final = 4
 """Length from which on a password is also masked where it occurs in other frames."""
 
-_MAX_PASSWORDS: Final = 64
+_LEAST_PART_BYTES: Final = 2  # of a password at the end of a chunk; a single byte is frequent
+_CONTENT_BYTES: Final = 255
+_CHUNKS: Final = frozenset(
+    ((A2C, BY_NAME["upload_chunk"].opcode), (C2A, BY_NAME["download_chunk"].opcode))
+)
 _RESULT: Final = re.compile(rb"[01]{1,2}(\|?[0-9A-Fa-f]{1,3})?")
 
 
@@ -36,6 +43,7 @@ class _Stream:
     after_gap: bool = False
     held: bytes = b""
     hidden: deque[tuple[int, int]] = field(default_factory=deque)
+    content: bytes = b""  # the end of the last chunks of files
 
 
 class _Link:
@@ -49,6 +57,11 @@ class _Link:
         self._passwords = passwords
         self._streams = {direction: _Stream(Framer(direction)) for direction in Direction}
         self._pending: deque[tuple[int, WireEvent]] = deque()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether events are held back."""
+        return bool(self._pending)
 
     def take(self, event: WireEvent) -> None:
         """Queue an event, and note the secret ranges in the frames that it completes."""
@@ -87,9 +100,8 @@ class _Link:
             return
         for stream in self._streams.values():
             at, held = stream.framer.offset_bytes, stream.held
-            begin = 0 if stream.after_gap else min(secret_offset(held), _known_bytes(held))
+            begin = 0 if stream.after_gap else _known_bytes(held)
             stream.hidden.append((at + begin, at + len(held)))
-            self._note_passwords(stream, held, at)
         for begin, event in self._pending:
             yield self._masked(event, begin) if event.data else event
         self._pending.clear()
@@ -108,6 +120,8 @@ class _Link:
                     stream.hidden.append((begin, end - 1))
                 else:
                     self._note_passwords(stream, item.data, begin)
+                    if (item.direction, item.opcode) in _CHUNKS:
+                        self._note_content(stream, item.data, begin)
             at = end
 
     def _learn(self, data: bytes) -> None:
@@ -124,6 +138,27 @@ class _Link:
             for found in range(len(data) - len(password) + 1)
             if data.startswith(password, found)
         )
+
+    def _note_content(self, stream: _Stream, data: bytes, at: int) -> None:
+        """Note the parts of passwords that are divided between chunks of a file."""
+        chunk = FileData().read(data, Diagnostics())
+        if chunk is None:
+            return
+        first = len(stream.content)
+        joined = stream.content + chunk.data
+        at += HEAD_BYTES - first
+        for password in self._passwords:
+            size = len(password)
+            begins = [n for n in range(first) if joined.startswith(password, n)]
+            begins += [
+                len(joined) - part
+                for part in range(_LEAST_PART_BYTES, size)
+                if joined.endswith(password[:part])
+            ]
+            for begin in begins:
+                end = min(begin + size, len(joined))
+                stream.hidden.append((at + max(begin, first), at + end))
+        stream.content = joined[-_CONTENT_BYTES:]
 
     def _masked(self, event: WireEvent, begin: int) -> WireEvent:
         hidden = self._streams[event.direction].hidden
@@ -143,10 +178,13 @@ def _is_expected(frame: Frame) -> bool:
 
 
 def _known_bytes(held: bytes) -> int:
-    """Return how many bytes of an unfinished frame may be shown: all if its opcode is known."""
+    """Return how many bytes of an unfinished frame may be shown: at most until its opcode.
+
+    The next byte is its length, or the first byte of a password without an opcode.
+    """
     tagged = held[1:2] == bytes((TAG,))
     opcode = held[1 + tagged : 2 + tagged]
-    return len(held) if not opcode or is_known_opcode(opcode[0], tagged) else 1
+    return 2 + tagged if opcode and is_known_opcode(opcode[0], tagged) else 1
 
 
 class Redactor:
@@ -154,11 +192,14 @@ class Redactor:
 
     Whether a byte is secret is known only when its frame is complete. Until then, or until `flush`,
     the events of its connection are held back, in order.
+
+    Args:
+        passwords: The latest passwords of all connections; updated. None for no earlier ones.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, passwords: deque[bytes] | None = None) -> None:
         self._links: dict[str, _Link] = {}
-        self._passwords: deque[bytes] = deque(maxlen=_MAX_PASSWORDS)
+        self._passwords = SinkState().passwords if passwords is None else passwords
 
     def feed(self, event: WireEvent) -> Iterator[WireEvent]:
         """Process the next event. Yield the events that are decided."""
@@ -170,7 +211,19 @@ class Redactor:
             del self._links[event.connection]
         yield from link.release()
 
+    @property
+    def waiting(self) -> bool:
+        """Whether events are held back."""
+        return any(link.waiting for link in self._links.values())
+
     def flush(self) -> Iterator[WireEvent]:
         """Yield all events held back, with possibly secret bytes masked."""
         for link in self._links.values():
             yield from link.force()
+
+
+def make_redactor(folder: OutputFolder) -> Redactor:
+    """Return a redactor for recordings in a folder, which knows the passwords of earlier sinks."""
+    redactor = Redactor(folder.state.passwords)
+    folder.delay_ticks_while(lambda: redactor.waiting)
+    return redactor

@@ -3,16 +3,27 @@
 A sink receives the events of a recording. It may be slow or fail without affecting the link.
 """
 
+import os
+from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.clock_watch import ClockState
 from scaraspec_recorder.spool.durability import sync
 
 TICK_NS = 250_000_000
 """Interval of `Sink.tick`: the maximum that a crash can cost a file."""
+
+
+MAX_TICK_NS = 1_000_000_000
+"""The same for a sink that waits for the end of a frame, see `OutputFolder.delay_ticks_while`."""
+
+MAX_PASSWORDS: Final = 64
+"""How many passwords are remembered."""
 
 
 class SinkFailed(Exception):  # noqa: N818 - names a state of the sink
@@ -21,6 +32,10 @@ class SinkFailed(Exception):  # noqa: N818 - names a state of the sink
     The writer process restarts with new sinks from the last tick that all sinks completed. The
     events since then are still in the spool and are delivered again.
     """
+
+
+ENVIRONMENT_FAILURES: Final = (OSError, SinkFailed, MemoryError, ImportError, SystemError)
+"""Exceptions after which new sinks may succeed. Without memory, imports fail in several ways."""
 
 
 class FileRemoved(SinkFailed):
@@ -51,8 +66,8 @@ class Sink(Protocol):
     was open before this sink was created starts with ``OPENED`` again; its first offset is then
     not 0.
 
-    Any method may raise `SinkFailed` or `OSError` if its environment fails. Any other exception
-    counts as a defect: the sink is disabled, the other sinks continue.
+    Any method may raise one of `ENVIRONMENT_FAILURES`. Any other exception counts as a defect: the
+    sink is disabled, the other sinks continue.
     """
 
     def write(self, event: WireEvent) -> None:
@@ -68,6 +83,33 @@ class Sink(Protocol):
         """Finish after the last event. Not called after a failure."""
 
 
+@dataclass(slots=True)
+class SinkState:
+    """What the sinks of the next writer process must know. It is saved with each acknowledgment.
+
+    Attributes:
+        passwords: The latest passwords seen on the link. Set by `redaction`.
+        clock: What was observed of the clock. Set by `archive`.
+    """
+
+    passwords: deque[bytes] = field(default_factory=lambda: deque(maxlen=MAX_PASSWORDS))
+    clock: ClockState | None = None
+
+    @classmethod
+    def read(cls, saved: Mapping[str, Any]) -> "SinkState":
+        """Return a saved state; without one, an empty state."""
+        state = cls()
+        state.passwords.extend(bytes.fromhex(each) for each in saved.get("passwords", ()))
+        if clock := saved.get("clock"):
+            state.clock = ClockState(*clock)
+        return state
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """The state to save."""
+        return {"passwords": [each.hex() for each in self.passwords], "clock": self.clock}
+
+
 class OutputFolder:
     """The output folder of a recording. Existing files are not overwritten.
 
@@ -75,13 +117,31 @@ class OutputFolder:
         path: The folder; it exists.
         files: Names of the files created so far; `new` adds to them.
         news: Extra metadata of the next file, see `take_metadata`.
+        state: State of earlier sinks; None for an empty one.
     """
 
-    def __init__(self, path: Path, files: list[str], news: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        files: list[str],
+        news: Mapping[str, str] | None = None,
+        state: SinkState | None = None,
+    ) -> None:
         self.path = path
+        self.state = state or SinkState()
         self._files = files
         self._metadata = dict(news or {})
         self._mark_callbacks: list[Callable[[], None]] = []
+        self._delays: list[Callable[[], bool]] = []
+
+    def delay_ticks_while(self, waiting: Callable[[], bool]) -> None:
+        """Register a condition under which a tick is delayed, for `MAX_TICK_NS` at most."""
+        self._delays.append(waiting)
+
+    @property
+    def delays_tick(self) -> bool:
+        """Whether a tick should be delayed."""
+        return any(waiting() for waiting in self._delays)
 
     def on_mark_request(self, do: Callable[[], None]) -> None:
         """Register a callback, called before a tick if the user has requested a mark."""
@@ -108,23 +168,34 @@ class OutputFolder:
         captures = [name for name in self._files if name.endswith(".mcap")]
         sync((*(self.path / name for name in captures[-2:]), self.path))
 
-    def new(self, name: str) -> Path:
+    def new(self, name: str, *, beside: str = "") -> Path:
         """Create an empty file, ``name.ext`` or else ``name-2.ext``, ``name-3.ext`` …; return it.
+
+        Args:
+            name: The name.
+            beside: Another suffix, with which the name must be free, too.
 
         Raises:
             OSError: The file cannot be created.
         """
-        number, first = 1, self.path / name
-        path = first
-        while True:
-            try:
-                path.touch(exist_ok=False)
-            except FileExistsError:
-                number += 1
-                path = first.with_stem(f"{first.stem}-{number}")
-            else:
-                self._files.append(path.name)
-                return path
+        number, path = 1, self.path / name
+        first = path
+        while not self._create(path, beside):
+            number += 1
+            path = first.with_stem(f"{first.stem}-{number}")
+        self._files.append(path.name)
+        return path
+
+    @staticmethod
+    def _create(path: Path, beside: str) -> bool:
+        """Create an empty file; return whether the name was free."""
+        if beside and os.path.lexists(path.with_suffix(beside)):
+            return False
+        try:
+            path.touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        return True
 
 
 SinkFactory = Callable[[OutputFolder], Sink]

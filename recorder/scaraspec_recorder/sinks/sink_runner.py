@@ -23,12 +23,15 @@ from scaraspec_recorder.child_process import REPORTED_EXIT_STATUS, ignore_signal
 from scaraspec_recorder.sinks.file_names import utc_time
 from scaraspec_recorder.sinks.own_files import umask_of
 from scaraspec_recorder.sinks.sink import (
+    ENVIRONMENT_FAILURES,
+    MAX_TICK_NS,
     TICK_NS,
     FileRemoved,
     OutputFolder,
     Sink,
     SinkFactory,
     SinkFailed,
+    SinkState,
 )
 from scaraspec_recorder.spool.event_builder import ByteCounts, EventBuilder
 from scaraspec_recorder.spool.records import UNREACHABLE
@@ -45,6 +48,8 @@ POLL_S: Final = 0.05
 
 MAX_LISTED_FILES: Final = 100
 """Maximum number of files named in `Progress.files`: there may be thousands per day."""
+
+_NO_THREAD: Final = "can't start new thread"  # a RuntimeError of Python without memory
 
 _COLLECT_AFTER: Final = 20_000  # new objects; reference cycles are rare
 
@@ -114,9 +119,11 @@ class _Guarded:
     def _guard(self) -> Iterator[None]:
         try:
             yield
-        except (OSError, SinkFailed):
+        except ENVIRONMENT_FAILURES:
             raise
         except Exception as error:  # noqa: BLE001 - a defect must not affect the other sinks
+            if str(error) == _NO_THREAD:
+                raise SinkFailed(_NO_THREAD) from None
             name = type(self._sink).__name__ if self._sink else "a sink"
             _log.exception("%s has a defect and is disabled", name)
             problem = f"{name} is disabled: {error}"
@@ -162,7 +169,9 @@ class SinkRunner:
         self._event_builder = EventBuilder(counts, state.get("unspooler", {}))
         stall = reader.stall
         news = {"interrupted": _stall_text(stall)} if stall else None
-        self._folder = folder = OutputFolder(out_dir, self.progress.files, news)
+        self._folder = folder = OutputFolder(
+            out_dir, self.progress.files, news, SinkState.read(state.get("sinks", {}))
+        )
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
         begin_ns = self._event_builder.time_ns  # the next records follow this time
         removed = state.get("removed", {"name": "", "begins": ()})
@@ -185,7 +194,9 @@ class SinkRunner:
         records = self._reader.read()
         self._write_events(self._event_builder.take(records))
         now_ns = self._now_ns()
-        if not 0 <= now_ns - self._ticked_ns < TICK_NS:  # the clock may have been set back
+        since_ns = now_ns - self._ticked_ns  # negative if the clock was set back
+        waits = 0 <= since_ns < MAX_TICK_NS and self._folder.delays_tick
+        if not 0 <= since_ns < TICK_NS and not waits:
             self._forward_mark_request()
             self._tick(now_ns)
             self._acknowledge()
@@ -241,6 +252,7 @@ class SinkRunner:
             "progress": progress,
             "unspooler": self._event_builder.state,
             "asked": self._mark_requests,
+            "sinks": self._folder.state.json,
         }
         self._reader.acknowledge(state)
 
@@ -271,23 +283,28 @@ def run_writer(  # noqa: PLR0913, PLR0917 - the arguments of a process
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         with closing(SpoolReader(spool, durable=durable)) as reader:
-            runner = SinkRunner(reader, out_dir, sinks, durable=durable)
-            collect_rarely()
-            complete = False
-            while True:
-                complete = complete or ended(0)  # checked before the spool is read to its end
-                if runner.step():
-                    continue
-                if complete:
-                    break
-                complete = ended(POLL_S)
-            runner.finish()
-    except (OSError, SinkFailed) as error:
+            try:
+                runner = SinkRunner(reader, out_dir, sinks, durable=durable)
+                collect_rarely()
+                complete = False
+                while True:
+                    complete = complete or ended(0)  # checked before the spool is read to its end
+                    if runner.step():
+                        continue
+                    if complete:
+                        break
+                    complete = ended(POLL_S)
+                runner.finish()
+            except FileRemoved:
+                reader.restore()  # perhaps with the spool
+                raise
+    except ENVIRONMENT_FAILURES as error:
         if isinstance(error, FileRemoved):
             note_removal(spool, error)
-        reason = getattr(error, "strerror", None) or str(error)
+        *_, text = str(error).splitlines() or (type(error).__name__,)  # MemoryError has no text
+        reason = getattr(error, "strerror", None) or text
         if note_stall(spool, time.time_ns(), reason):  # otherwise it was logged before
-            _log.error("writing is interrupted: %s", error)
+            _log.error("writing is interrupted: %s", text)
         sys.exit(REPORTED_EXIT_STATUS)
 
 

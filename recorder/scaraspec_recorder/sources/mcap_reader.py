@@ -18,9 +18,12 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError, TornCaptureError
 from scaraspec_recorder.sinks.byte_accounting import ByteAccountingCheck
+from scaraspec_recorder.sinks.clock_watch import LOG_SOURCE
+from scaraspec_recorder.sinks.file_names import utc_time
 from scaraspec_recorder.sinks.gap_filler import GapFiller
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, SCHEMA, SERIAL, SESSION
+from scaraspec_recorder.sinks.mcap.schemas import foxglove
 from scaraspec_recorder.sources.mcap_records import McapSummary, open_mcap, read_records
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
@@ -53,10 +56,13 @@ class RawLayerReader:
     Attributes:
         merged: Whether two channels of a topic have a connection of the same name: the file holds
             several recordings.
+        clock_events: The lines of the log about the recorder's clock, with their times.
     """
 
     def __init__(self) -> None:
         self.merged = False
+        self.clock_events: list[str] = []
+        self._log_channels: set[int] = set()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, _Channel] = {}
         self._topics: Counter[str] = Counter()
@@ -82,10 +88,14 @@ class RawLayerReader:
                         name = f"{event.connection} of recording {channel.part + 1}"
                         event = replace(event, connection=name)
                     return event
+            elif record.channel_id in self._log_channels:
+                self._read_log(record)
         elif isinstance(record, Header):
             self._numbered = record.library.startswith(_RECORDER)
         elif isinstance(record, Schema):
             self._schemas[record.id] = record.name
+        elif isinstance(record, Channel) and self._schemas.get(record.schema_id) == foxglove.LOG:
+            self._log_channels.add(record.id)
         elif (
             isinstance(record, Channel)
             and record.id not in self._channels
@@ -94,6 +104,13 @@ class RawLayerReader:
             self._channels[record.id] = _Channel(kind, self._topics[record.topic])
             self._topics[record.topic] += 1
         return None
+
+    def _read_log(self, message: Message) -> None:
+        with suppress(ValueError):
+            source, text = foxglove.read_log(message.data)
+            if source == LOG_SOURCE:
+                time = utc_time(message.log_time)
+                self.clock_events.append(f"{text} at {time:%Y-%m-%d %H:%M:%S} UTC")
 
     def _number(self, part: int, sequence: int) -> None:
         """Count missing numbers; numbers that are repeated or fall have another meaning."""
@@ -223,6 +240,7 @@ class McapCapture:
         if summary.finished:  # else its last accounts were not written
             audit.close()
         summary.merged = raw.merged
+        summary.clock_events = raw.clock_events
         if not raw.merged:  # the accounts of merged recordings have the same names
             summary.wrong_accounts = audit.wrong
         if summary.wrong_accounts:

@@ -105,6 +105,7 @@ class McapSummary:
         unsupported: What this version cannot read, although it is not damaged.
         repairs: What earlier repairs noted in the file.
         notes: One sentence for each kind of missing data.
+        clock_events: Steps of the recorder's clock, and suspends of its machine.
     """
 
     read_bytes: int = 0
@@ -118,6 +119,7 @@ class McapSummary:
     unsupported: set[str] = field(default_factory=set)
     repairs: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    clock_events: list[str] = field(default_factory=list)
 
     @property
     def intact(self) -> bool:
@@ -151,6 +153,7 @@ class McapSummary:
         self.wrong_accounts += other.wrong_accounts
         self.unsupported |= other.unsupported
         self.repairs += other.repairs
+        self.clock_events += other.clock_events
         self.notes += [
             UserMessage("{file}: {note}", file=path.name, note=note) for note in other.notes
         ]

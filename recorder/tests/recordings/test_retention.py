@@ -175,6 +175,21 @@ def test_after_a_step_of_the_clock_only_sizes_count(disk: Disk, hours: int) -> N
     assert disk.removed == [("a.mcap", "more than 2 MB")]
 
 
+@pytest.mark.parametrize("noticed", [True, False])
+def test_another_process_knows_of_a_step(disk: Disk, *, noticed: bool) -> None:
+    """Whether the process before noticed the step, or had ended."""
+    wall_ns = [NOW_NS]
+    clocks = (lambda: wall_ns[0], lambda: 5 * HOUR_NS, lambda: 5 * HOUR_NS)
+    first = ClockWatch(*clocks)
+    wall_ns[0] += 24 * HOUR_NS
+    if noticed:
+        first.step_ns()
+        wall_ns[0] += HOUR_NS // 2
+    second = ClockWatch(*clocks, before=first.state)
+    Retention(disk.index, parse_limits("1h"), 0, lambda: 0, second).enforce(wall_ns[0])
+    assert disk.remaining == ["a", "b", "c"]
+
+
 def test_a_recording_from_before_the_clock_was_set(tmp_path: Path) -> None:
     """Its age is unknown, also to a recorder that starts later."""
     disk = Disk(tmp_path)

@@ -1,12 +1,16 @@
 """Steps of the clock are detected, and are written into the recording."""
 
+from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
 
+from scaraspec.api.auditing import audit
 from scaraspec.judge.judge import Judge
-from scaraspec_recorder.sinks.clock_watch import ClockWatch
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.clock_watch import ClockState, ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
+from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sinks.text import Level, LogLine
 from scaraspec_recorder.units import SECOND_NS
 
@@ -46,6 +50,14 @@ def test_a_step_is_detected_once(step_s: float) -> None:
     assert clocks.watch.step_ns() == 0
 
 
+def test_observations_of_another_boot_are_not_used() -> None:
+    """The elapsed time has started again."""
+    clocks = Clocks()
+    before = ClockState("another boot", 0, was_set=True)
+    watch = ClockWatch(lambda: clocks.wall_ns, lambda: 0, lambda: 0, before=before)
+    assert (watch.step_ns(), watch.was_set) == (0, False)
+
+
 def test_corrections_and_interruptions_are_no_steps() -> None:
     """NTP slews the clock; a stopped process reads the clocks at different times."""
     clocks = Clocks()
@@ -80,3 +92,18 @@ def test_a_step_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     text = "the clock was set forward by 1 h"
     output.mark.assert_called_once_with(2, LogLine(Level.WARN, "clock", text))
     assert caplog.messages == [text]
+
+
+def test_a_step_is_in_the_audit(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Durations across it are wrong, which the reader must know."""
+    clocks, path = Clocks(), tmp_path / "capture.mcap"
+    decoder = Decoder([McapSink(path.open("wb"))], Judge(), clock=clocks.watch)
+    decoder.write(shift[0])
+    clocks.pass_s(5, -90)
+    decoder.tick(shift[0].time_ns)
+    decoder.close()
+    results, notes = audit(path)
+    assert notes == ()
+    event = "the clock was set back by 90 s at 2026-11-20 22:58:37 UTC"
+    (notice,) = results.notices
+    assert notice == f"Recorder: {event}. Durations across this time are wrong"

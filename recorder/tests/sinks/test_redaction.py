@@ -4,13 +4,15 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.fields import Diagnostics
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.redaction import is_secret, mask
+from scaraspec.protocol.transfer import Chunk, FileData
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.redaction import MASKED_NOTE, Redactor
 
@@ -198,6 +200,32 @@ def test_a_known_password_in_other_frames(cuts: list[int], direction: Direction)
     ]
     redacted = sent(redact([login, *events])[1:], direction)
     assert redacted == data.replace(SECRET, b"*" * len(SECRET))
+
+
+@settings(max_examples=20)
+@given(st.integers(1, 60), st.integers(0, 250))
+def test_a_known_password_between_chunks_of_a_file(size_bytes: int, before_bytes: int) -> None:
+    """At most a single byte of it is left, at the end of a chunk."""
+    content = bytes(before_bytes) + SECRET + bytes(99)
+    chunks = [
+        Chunk(len(content), at, len(data), data)
+        for at, data in (
+            (at, content[at : at + size_bytes]) for at in range(0, len(content), size_bytes)
+        )
+    ]
+    request = BY_NAME["upload_chunk"].request
+    upload = b"".join(Frame(A2C, 0x52, request.encode(chunk)).encode() for chunk in chunks)
+    _, *redacted = frames(sent(redact([*split(LOGIN, ()), *split(upload, ())])))
+    left = b"".join(FileData().read(frame.data, Diagnostics()).data for frame in redacted)
+    assert len(left) == len(content)
+    rest = left.replace(b"\0", b"").replace(b"*", b"")
+    assert len(rest) <= 1 or size_bytes == 1
+
+
+def test_a_frame_without_an_opcode_that_looks_unfinished() -> None:
+    """The length is taken for the opcode, and the password for the length and the data."""
+    redacted = redact(split(LOGIN[:1] + LOGIN[2:], ()), flush_each=True)
+    assert sent(redacted) == LOGIN[:1] + LOGIN[2:3] + b"*" * 12
 
 
 @pytest.mark.parametrize("data", [b"11", b"00|0C", b"00|00"])

@@ -8,7 +8,14 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.sink import TICK_NS, FileRemoved, OutputFolder, SinkFailed
+from scaraspec_recorder.sinks.clock_watch import ClockState
+from scaraspec_recorder.sinks.sink import (
+    MAX_TICK_NS,
+    TICK_NS,
+    FileRemoved,
+    OutputFolder,
+    SinkFailed,
+)
 from scaraspec_recorder.sinks.sink_runner import (
     MAX_LISTED_FILES,
     Progress,
@@ -295,6 +302,33 @@ def test_the_content_of_a_removed_file_becomes_a_gap(bench: Bench) -> None:
     ]
 
 
+def test_sinks_remember_passwords_and_the_clock(bench: Bench) -> None:
+    """Another writer process continues with what the last tick saved."""
+    runner = bench.runner(RecordingSink())
+    state = runner._folder.state
+    state.passwords.append(b"open sesame")
+    state.clock = ClockState("boot", 5, was_set=True)
+    bench.tick(runner)
+    state.passwords.append(b"not saved")
+    assert bench.runner(RecordingSink())._folder.state.json == {
+        "passwords": [b"open sesame".hex()],
+        "clock": ("boot", 5, True),
+    }
+
+
+def test_a_tick_waits_for_the_end_of_a_frame(bench: Bench) -> None:
+    """For a second at most."""
+    sink = RecordingSink()
+    runner = bench.runner(sink)
+    runner._folder.delay_ticks_while(lambda: True)
+    bench.put(Kind.OPENED)
+    durable = []
+    for _ in range(MAX_TICK_NS // TICK_NS):
+        bench.tick(runner)
+        durable.append(sink.durable)
+    assert durable == [0, 0, 0, 1]
+
+
 def test_unwritten_bytes_are_counted(bench: Bench) -> None:
     """Also if the writer process has never written, or has written the recording before."""
     bench.put(Kind.OPENED, payload=b"a > b")
@@ -333,10 +367,10 @@ def test_a_defect_disables_only_its_sink(bench: Bench, method: str) -> None:
 
 
 def test_a_sink_that_cannot_be_created(bench: Bench) -> None:
-    """For example because its package is not installed."""
+    """It is disabled, and the other sinks continue."""
 
     def make(_folder: OutputFolder) -> RecordingSink:
-        raise ImportError("drawing needs rerun")
+        raise ZeroDivisionError("no such axis")
 
     bench.writer.flush()
     sink = RecordingSink()
@@ -345,7 +379,28 @@ def test_a_sink_that_cannot_be_created(bench: Bench) -> None:
     bench.put(Kind.OPENED)
     runner.step()
     assert len(sink.events) == 1
-    assert runner.progress.problems == ["a sink is disabled: drawing needs rerun"]
+    assert runner.progress.problems == ["a sink is disabled: no such axis"]
+
+
+@pytest.mark.parametrize("error", [MemoryError(), ImportError("no memory"), SystemError()])
+def test_a_lack_of_memory_is_no_defect(bench: Bench, error: Exception) -> None:
+    """Another writer process continues; until then nothing counts as recorded."""
+    runner = bench.runner(FailingSink("write", error))
+    bench.put(Kind.OPENED)
+    bench.put(Kind.BYTES, payload=b"x")
+    with pytest.raises(type(error)):
+        bench.tick(runner)
+    assert runner.progress.problems == []
+    bench.readers.pop().close()
+    assert count_unwritten(bench.spool).a2c == ByteCounts(spooled_bytes=1)
+
+
+def test_a_lack_of_threads_is_no_defect(bench: Bench) -> None:
+    """Python raises a RuntimeError then."""
+    runner = bench.runner(FailingSink("write", RuntimeError("can't start new thread")))
+    bench.put(Kind.OPENED)
+    with pytest.raises(SinkFailed):
+        bench.tick(runner)
 
 
 def test_gaps_are_counted(bench: Bench) -> None:

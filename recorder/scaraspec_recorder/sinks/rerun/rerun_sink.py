@@ -31,7 +31,7 @@ try:
     # The native library logs to stderr; errors are reported here. Users can enable the log.
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
-except ImportError:
+except ModuleNotFoundError:
     raise ImportError("drawing recordings needs rerun: pip install 'scaraspec[view]'") from None
 
 from scaraspec_recorder.sinks.rerun import blueprint, rerun_files, rerun_rows

@@ -52,16 +52,17 @@ def log(time_ns: int, level: str, source: str, text: str) -> bytes:
     return _bytes(Log(timestamp=stamp, level=_LEVELS[level], name=source, message=text))
 
 
-def log_source(data: bytes) -> str:
-    """Return the source of an encoded foxglove.Log.
+def read_log(data: bytes) -> tuple[str, str]:
+    """Return the source and the text of an encoded foxglove.Log.
 
     Raises:
         ValueError: The bytes are not such a message.
     """
     try:
-        return str(Log.FromString(data).name)
+        line = Log.FromString(data)
     except DecodeError as error:
         raise ValueError(f"no log line: {error}") from None
+    return str(line.name), str(line.message)
 
 
 def transforms(time_ns: int, placements: Iterable[Placement]) -> bytes:
