@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -47,9 +47,18 @@ test-lowest: $(READY)
 # their cases, and tries 40 examples of the user's files; SCARASPEC_KILLS sets another number for
 # all. Takes an hour.
 test-kill: $(READY)
-	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-200} $(BIN)/pytest -s -m campaign recorder/tests/endurance
+	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-200} $(BIN)/pytest -s -m campaign recorder/tests/endurance/test_kills.py
 	$(BIN)/pytest -s -m campaign conformance/tests/cli/test_certify_killed.py
 	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-40} $(BIN)/pytest conformance/tests/suite/test_user_files.py
+
+# Random faults of processes, files, disk, clock and memory under traffic, on a disk of its own as for
+# test-net; needs a C compiler. SCARASPEC_SEED repeats the faults of another run. 300 rounds take a
+# quarter of an hour.
+ROUNDS ?= 300
+test-faults: $(READY)
+	SCARASPEC_ROUNDS=$(ROUNDS) \
+	  $$(test $$(id -u) = 0 || echo unshare --user --map-current-user --keep-caps) \
+	  $(BIN)/pytest -s -m campaign recorder/tests/endurance/test_faults.py
 
 # Tests on simulated machines and disks (namespaces); need root or permission for user namespaces.
 # test-net-full sends a gigabyte in each direction and opens 10,000 connections in every mode, which

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import count, cycle
+from itertools import count, cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,8 @@ class Session:
     answers: list[tuple[int, int, dict[Direction, int]]] = field(default_factory=list)
     """For each exchange: time of the reply, duration, and the number of bytes until then."""
     ended_ns: int = 0
+    complete: bool = False
+    """Whether the client ended it."""
 
 
 class Talker(threading.Thread):
@@ -96,14 +98,18 @@ class Talker(threading.Thread):
     Args:
         numbers: Session numbers, shared with other talkers.
         address: Address of the recorder.
+        exchanges: Exchanges of a session after the login; None for no limit.
     """
 
-    def __init__(self, numbers: Iterator[int], address: tuple[str, int]) -> None:
+    def __init__(
+        self, numbers: Iterator[int], address: tuple[str, int], exchanges: int | None = None
+    ) -> None:
         super().__init__(daemon=True)
         self.sessions: list[Session] = []
         self.failure: BaseException | None = None
         self._numbers = numbers
         self._address = address
+        self._exchanges = exchanges
         self._stopped = threading.Event()
 
     @property
@@ -141,14 +147,17 @@ class Talker(threading.Thread):
             session = Session(f"{host}:{port}", time.time_ns())
             self.sessions.append(session)
             with suppress(ConnectionError, EOFError):  # disconnected, by reset or in order
-                self._talk(sock, session)
+                self._talk(sock, session, number)
+                session.complete = True
             session.ended_ns = time.time_ns()
             return True
 
-    def _talk(self, sock: socket.socket, session: Session) -> None:
+    def _talk(self, sock: socket.socket, session: Session, number: int) -> None:
         framer = Framer(C2A)
         self._exchange(sock, session, framer, request("login", b"password"))
-        for question in cycle(shift()):
+        # The name identifies the session where only its bytes are known.
+        self._exchange(sock, session, framer, request("upload_name", b"%d.rob" % number))
+        for question in islice(cycle(shift()), self._exchanges):
             if self._stopped.wait(PACE_S):
                 return
             self._exchange(sock, session, framer, question)
@@ -185,20 +194,23 @@ class Recorder:
 
     def __init__(self, url: str, out: Path, log: Path) -> None:
         self.address = ("127.0.0.1", 0)
-        self._url, self._out, self._log = url, out, log
+        self.url, self.out = url, out
+        self.environment = dict(os.environ)
+        self._log = log
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, *options: str) -> None:
         """Start, and wait until it listens: at the same address each time."""
         begin = self._log.stat().st_size if self._log.exists() else 0
         listen = "{}:{}".format(*self.address)
-        arguments = ("record", self._url, "--listen", listen, "--out", str(self._out), *options)
+        arguments = ("record", self.url, "--listen", listen, "--out", str(self.out), *options)
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "scaraspec", *arguments],
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
+                env=self.environment,
             )
 
         def listening() -> Any:
@@ -230,13 +242,24 @@ class Recorder:
 
     def child(self, name: str) -> int:
         """Return the process id of a child process, as soon as it exists."""
-        return int(wait_until(lambda: self._child(name)))
+        return int(wait_until(lambda: self.find_child(name)))
 
-    def end(self) -> int:
-        """Send Ctrl-C; return the exit status."""
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Send a signal; return the exit status."""
         assert self._process
-        self._process.send_signal(signal.SIGINT)
+        self._process.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> int:
+        """Wait for the end; return the exit status."""
+        assert self._process
         return self._process.wait(TIMEOUT_S)
+
+    @property
+    def pid(self) -> int:
+        """The process id of the recorder itself."""
+        assert self._process
+        return self._process.pid
 
     def close(self) -> None:
         """Kill all processes that still run."""
@@ -244,24 +267,25 @@ class Recorder:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait(TIMEOUT_S)
 
-    def _child(self, name: str) -> int | None:
-        """The process id of a child process, found by its name."""
-        assert self._process
-        pid = self._process.pid
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            try:
-                if Path(f"/proc/{child}/comm").read_text().strip() == f"scara-{name}":
-                    return int(child)
-            except OSError:  # the process has ended
-                continue
+    def find_child(self, name: str) -> int | None:
+        """Return the process id of a child process, found by its name; None if there is none."""
+        with suppress(OSError):  # the process has ended
+            for child in Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text().split():
+                with suppress(OSError):
+                    if Path(f"/proc/{child}/comm").read_text().strip() == f"scara-{name}":
+                        return int(child)
         return None
+
+    @property
+    def running(self) -> bool:
+        """Whether the recorder itself runs."""
+        return self._process is not None and self._process.poll() is None
 
 
 class Plant:
     """A virtual controller, a recorder between it and clients."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self.out = folder / "out"
         self.log = folder / "recorder.log"
         self.talkers: list[Talker] = []
         self._stack = stack
@@ -277,19 +301,24 @@ class Plant:
         stack.callback(controller.wait)
         stack.callback(controller.kill)
         wait_until(ready.exists)
+        self.recorder = Recorder(f"tcp://{ready.read_text().strip()}", folder / "out", self.log)
         self.out.mkdir()
-        self.recorder = Recorder(f"tcp://{ready.read_text().strip()}", self.out, self.log)
-        stack.callback(shutil.rmtree, self._spool, ignore_errors=True)
+        stack.callback(lambda: shutil.rmtree(self._spool, ignore_errors=True))
         stack.callback(self.recorder.close)
+
+    @property
+    def out(self) -> Path:
+        """The folder of the recorder."""
+        return self.recorder.out
 
     @property
     def sessions(self) -> list[Session]:
         return [session for talker in self.talkers for session in talker.sessions]
 
-    def talk(self, talkers: int) -> None:
-        """Start clients."""
+    def talk(self, talkers: int, exchanges: int | None = None) -> None:
+        """Start clients; with a number of exchanges, each of their sessions has so many."""
         for _ in range(talkers):
-            self.talkers.append(Talker(self._numbers, self.recorder.address))
+            self.talkers.append(Talker(self._numbers, self.recorder.address, exchanges))
             self.talkers[-1].start()
 
     def stop_clients(self) -> None:

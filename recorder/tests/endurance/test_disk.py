@@ -4,61 +4,24 @@ The disks are small file systems in memory, visible only to this process and its
 root or a user namespace: see `make test-net`.
 """
 
-import ctypes
-import os
 import re
 import resource
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 
+from disk import Disk
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
 from scaraspec_recorder.sources.mcap_records import McapSummary, read_records
 
-DISK_BYTES = 16 << 20
 FULL = "No space left on device"
-
-_CLONE_NEWNS = 0x20000
-_MS_RDONLY, _MS_REMOUNT, _MS_REC, _MS_PRIVATE = 0x1, 0x20, 0x4000, 0x40000
-_libc = ctypes.CDLL(None, use_errno=True)
-
-
-def _mount(kind: str, where: Path, flags: int, options: str = "") -> None:
-    arguments = (kind.encode(), str(where).encode(), kind.encode(), flags, options.encode())
-    if _libc.mount(*arguments):
-        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(where))
-
-
-class Disk:
-    """A small file system for the recorder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._ballast = folder / "ballast"
-        if _libc.unshare(_CLONE_NEWNS):
-            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-        _mount("none", Path("/"), _MS_REC | _MS_PRIVATE)
-        _mount("tmpfs", folder, 0, f"size={DISK_BYTES}")
-
-    def fill(self) -> None:
-        with self._ballast.open("ab", buffering=0) as file, suppress(OSError):
-            while True:
-                file.write(bytes(4096))
-
-    def clear(self) -> None:
-        self._ballast.unlink()
-
-    def allow_writing(self, *, allowed: bool) -> None:
-        flags = _MS_REMOUNT | (0 if allowed else _MS_RDONLY)
-        _mount("tmpfs", self.folder, flags, f"size={DISK_BYTES}")
 
 
 @pytest.fixture
