@@ -186,7 +186,7 @@ def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
             name[1:],
             stem + b"*" + dot + extension,
             stem[:-1] + b"?" + dot + extension,
-            name[:1] + name[2:0:-1] + name[3:],  # the same letters in another order
+            name[1::-1] + name[2:],  # the same letters in another order
             INHERITED,
         )
     ):

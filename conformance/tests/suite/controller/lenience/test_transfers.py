@@ -3,6 +3,7 @@
 The register lists these readings or leaves them open. No case and no rule of the judge may fail.
 """
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants import controller_run
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
@@ -498,3 +500,9 @@ def test_stored_program_may_be_short(run_cases: RunCases, chunks: int) -> None:
     only = (r for r in REQUIREMENTS if r.startswith(("5.1/", "5.3/")))
     cases = run_cases(Delivered, *only, allowed=(Hazard.READ_ONLY,), examples=1)
     assert not cases.problems
+
+
+def test_any_names_of_the_run(run_cases: RunCases, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The names of the run's files have random letters; exchanging two may change nothing."""
+    monkeypatch.setattr(controller_run, "tokens", lambda: itertools.repeat("saaa"))
+    assert not run_cases(ControllerCore, "4.11/4", "5.3/3").problems
