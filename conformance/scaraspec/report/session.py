@@ -209,8 +209,8 @@ class SessionStats:
         connection = self._connection_at(event.connection, event.time_ns)
         if connection and not connection.note and "→" in event.note:
             connection.note = event.note  # the capture begins mid-stream
-        if not event.length_bytes:
-            return  # no byte is missing, but earlier traffic is not reliable
+        if not event.is_loss:
+            return  # but earlier traffic is not reliable
         self._lost_bytes += max(event.length_bytes, 0)
         loss = Loss(
             event.connection,

@@ -47,7 +47,7 @@ class RowBuilder:
                 return self._transfer(item)
             case Finding() if item.verdict is not Verdict.PASS:
                 return self._finding(item)
-            case CaptureGap():
+            case CaptureGap() if item.event.is_loss:
                 return self._loss(item)
             case _:
                 return None

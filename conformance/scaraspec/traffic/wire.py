@@ -25,6 +25,9 @@ class Kind(Enum):
     __hash__ = object.__hash__
 
 
+EARLIER_FILE: Final = "in an earlier file of this recording"
+"""Note of a gap of bytes that are not lost: rotation has begun a new file."""
+
 UNJUDGED: Final = "not judged: the suite sends invalid bytes on purpose"
 """Note of the opening of a connection whose traffic says nothing about the subject."""
 
@@ -58,6 +61,11 @@ class WireEvent:
     length_bytes: int = 0
     note: str = ""
     packet: int = field(default=0, compare=False, kw_only=True)
+
+    @property
+    def is_loss(self) -> bool:
+        """Whether it is a gap of bytes that passed and were not recorded."""
+        return self.kind is Kind.GAP and self.length_bytes != 0 and self.note != EARLIER_FILE
 
 
 class WireRange(NamedTuple):

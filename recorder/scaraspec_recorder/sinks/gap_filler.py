@@ -5,9 +5,13 @@ holes inside. The bytes on both sides of a hole must not be treated as consecuti
 """
 
 from collections.abc import Iterator
+from typing import Final
 
 from scaraspec.protocol.direction import Direction
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import EARLIER_FILE, Kind, WireEvent
+
+NOT_RECORDED: Final = "not in this recording"
+"""Note of the gaps that are lost."""
 
 
 class GapFiller:
@@ -25,7 +29,9 @@ class GapFiller:
             key, offset = (event.connection, event.direction), event.offset_bytes
             end = self._ends.get(key, 0)
             if 0 <= end < offset:
-                note = "not in this recording"
+                # A new file of a recording begins with the offsets of the open connections.
+                reopened = event.kind is Kind.BYTES and not event.data
+                note = EARLIER_FILE if reopened else NOT_RECORDED
                 yield WireEvent(event.time_ns, *key, Kind.GAP, b"", end, offset - end, note)
             length = len(event.data) if event.kind is Kind.BYTES else event.length_bytes
             self._ends[key] = offset + length if length >= 0 else -1

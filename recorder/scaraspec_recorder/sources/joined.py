@@ -8,14 +8,15 @@ run between them, and what happened then is unknown.
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import EARLIER_FILE, Kind, WireEvent
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.file_names import is_recording_name
-from scaraspec_recorder.sinks.gap_filler import GapFiller
+from scaraspec_recorder.sinks.gap_filler import NOT_RECORDED, GapFiller
 from scaraspec_recorder.sinks.open_connections import OpenConnections, is_reopening
 from scaraspec_recorder.sources.mcap_reader import McapCapture
 from scaraspec_recorder.sources.mcap_records import McapSummary
@@ -47,13 +48,17 @@ class JoinedCapture(McapCapture):
         """
         self.summary = summary = McapSummary(finished=True)
         connections, gap_filler = OpenConnections(), GapFiller()
-        for capture in self._captures:
+        for number, capture in enumerate(self._captures):
             for event in capture:
-                if not connections.has(event):
-                    connections.update(event)
-                    for filled in gap_filler.fill(event):  # a file may be missing
-                        summary.losses += filled is not event and filled.kind is Kind.GAP
-                        yield filled
+                if connections.has(event):
+                    continue
+                connections.update(event)
+                if number and event.note == EARLIER_FILE:  # a file is missing
+                    event = replace(event, note=NOT_RECORDED)  # noqa: PLW2901 - the same event
+                    summary.losses += 1
+                for filled in gap_filler.fill(event):
+                    summary.losses += filled is not event and filled.kind is Kind.GAP
+                    yield filled
             summary.add(capture.summary, capture.path)
 
 

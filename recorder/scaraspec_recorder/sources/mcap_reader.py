@@ -233,7 +233,7 @@ class McapCapture:
                 audit.count(event)
                 for filled in gap_filler.fill(event):
                     summary.events += 1
-                    summary.losses += filled.kind is Kind.GAP and filled.length_bytes != 0
+                    summary.losses += filled.is_loss
                     summary.last_ns = max(summary.last_ns, filled.time_ns)
                     yield filled
         raw.finish(self.path, summary)

@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.wire import Kind, WireEvent, WireRange
+from scaraspec.traffic.wire import WireEvent, WireRange
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.encapsulation import UndecodedPacket, UnreadablePacket
 from scaraspec_recorder.errors import CaptureError, TornCaptureError
@@ -67,7 +67,7 @@ class PcapSummary:
 
     def counted(self, events: Sequence[WireEvent]) -> Sequence[WireEvent]:
         """Count the gaps among these events, and return the events."""
-        self.losses += sum(e.kind is Kind.GAP and e.length_bytes != 0 for e in events)
+        self.losses += sum(event.is_loss for event in events)
         return events
 
     @property

@@ -28,7 +28,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import EARLIER_FILE, Kind, WireEvent
+from scaraspec_recorder.sinks.gap_filler import NOT_RECORDED
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.sources.mcap_reader import read_mcap
 from scaraspec_recorder.spool.locks import spool_folder
@@ -37,7 +38,7 @@ from scaraspec_recorder.spool.spool import read_checkpoint
 TIMEOUT_S = 60.0
 PACE_S = 0.002
 # Needed to follow the requests of a file that starts in the middle.
-FROM_HERE_ON = "not in this recording"
+UNACCOUNTED = (EARLIER_FILE, NOT_RECORDED)
 UPLOAD = bytes(range(256)) * 12
 POLLS = (
     "get_status",
@@ -366,7 +367,7 @@ class Stream:
         if event.kind is Kind.GAP:
             if begin + event.length_bytes <= len(self.data):
                 return  # of unknown length, or in an earlier file
-            assert event.note != FROM_HERE_ON, "an unaccounted gap"
+            assert event.note not in UNACCOUNTED, "an unaccounted gap"
             self.lost.append((begin, begin + event.length_bytes))
             data = bytes(event.length_bytes)
         assert begin <= len(self.data), "a hole"

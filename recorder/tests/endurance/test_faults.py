@@ -35,7 +35,8 @@ from mcap.reader import make_reader
 from disk import Disk
 from far_end import Bytes, FarEnd
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.traffic.wire import EARLIER_FILE, Kind, WireEvent
+from scaraspec_recorder.sinks.gap_filler import NOT_RECORDED
 from scaraspec_recorder.sources.mcap_reader import read_mcap
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="changes processes of Linux")
@@ -495,7 +496,7 @@ class Stream:
         begin, data = event.offset_bytes, event.data
         if event.kind is Kind.BYTES:
             self._pieces.append((begin, begin + len(data), data))
-        elif event.length_bytes > 0 and event.note != FROM_HERE_ON:
+        elif event.length_bytes > 0 and event.note not in UNACCOUNTED:
             self._pieces.append((begin, begin + event.length_bytes, None))
 
     def check(self, sent: bytearray) -> None:
@@ -524,7 +525,7 @@ class Stream:
         return total
 
 
-FROM_HERE_ON = "not in this recording"
+UNACCOUNTED = (EARLIER_FILE, NOT_RECORDED)
 _EMPTY = Stream()
 
 
