@@ -350,7 +350,8 @@ def refused_deletion_keeps(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     name = refused.request.text
     unseen = x.time_ns - before.time_ns > MAX_UNSEEN_NS or name in robot.history.deleted
-    if unseen or name not in listed_names(before):
+    uploaded = robot.history.uploaded_ns.get(name, before.time_ns) > before.time_ns
+    if unseen or uploaded or name not in listed_names(before):
         return None
     if name in listed_names(x):
         return PASSED

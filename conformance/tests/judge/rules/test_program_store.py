@@ -137,6 +137,18 @@ CASES = (
     ("4.11/2", "pass", session(listed("0|a|b"), delete("a", "0"), "+61", listed("0|b"))),
     ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), delete("a"), listed("0"))),
     ("4.11/2", "pass", session(listed("0|a|b"), "> gap 9", delete("a", "0"), listed("0|b"))),
+    # The file of the upload that was broken off need not exist.
+    (
+        "4.11/2",
+        "pass",
+        session(
+            listed("0|a|b"),
+            delete("a"),
+            "> upload_name a\n< upload_name 1",
+            delete("a", "0"),
+            listed("0|b"),
+        ),
+    ),
     # The status was 00: a missing program is refused with 20, but a damaged one need not be listed.
     ("4.15/7", "inconclusive", session(listed("0|a"), IDLE, run("b", "0|05"))),
     ("4.15/7", "inconclusive", session(listed("0|a"), IDLE, run("b", "1", "00|05"))),
