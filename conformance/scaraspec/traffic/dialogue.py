@@ -390,7 +390,11 @@ class Dialogue:
         after = self._last.get(seen.name)
         doubtful = tagged and self.robot.hides_command(after)
         certain = certain and self._certain(seen) and not (doubtful or self._replies_missing)
-        elsewhere = tagged and self.robot.was_accepted_elsewhere(seen.name, self.connection)
+        # An earlier command of another connection has ended before this one was accepted.
+        since_ns = after.time_ns if after and after.result else -1
+        elsewhere = tagged and self.robot.was_accepted_elsewhere(
+            seen.name, self.connection, since_ns
+        )
         return UnsolicitedReply(seen, after, waiting, certain, late, elsewhere)
 
     def _malformed(self, invalid: InvalidBytes) -> Iterator[TrafficEvent]:

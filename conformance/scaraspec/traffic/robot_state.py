@@ -54,7 +54,8 @@ class RobotState:
         """Whether a two-stage command that was accepted in a gap may be executing."""
         self._doubtful_since_ns = 0
         self._files_bytes = 0
-        self._initiator_connections: dict[str, str] = {}
+        self._accepted: dict[str, tuple[str, int]] = {}  # by command: last connection and time
+        self._accepted_before: dict[str, tuple[str, int]] = {}  # the last on another connection
 
     @property
     def executing_uncertain(self) -> bool:
@@ -83,9 +84,10 @@ class RobotState:
         self.history.begun(exchange)
         self.version += 1
         connection = exchange.request.place.connection
-        first = self._initiator_connections.setdefault(exchange.name, connection)
-        if first != connection:
-            self._initiator_connections[exchange.name] = ""
+        before = self._accepted.get(exchange.name)
+        if before and before[0] != connection:
+            self._accepted_before[exchange.name] = before
+        self._accepted[exchange.name] = connection, exchange.time_ns
 
     def end(self, exchange: Exchange) -> None:
         """Remove a two-stage command that ended or may have ended."""
@@ -100,9 +102,18 @@ class RobotState:
             self.history.all_connections_closed(time_ns)
             self.last.pop("login", None)
 
-    def was_accepted_elsewhere(self, name: str, connection: str) -> bool:
-        """Whether a two-stage command was ever accepted on another connection."""
-        return self._initiator_connections.get(name, connection) != connection
+    def was_accepted_elsewhere(self, name: str, connection: str, since_ns: int = -1) -> bool:
+        """Whether another connection requested a two-stage command that was accepted.
+
+        Args:
+            name: The command.
+            connection: This connection.
+            since_ns: Only commands requested later than this count.
+        """
+        last = self._accepted.get(name)
+        if last and last[0] == connection:
+            last = self._accepted_before.get(name)
+        return last is not None and last[1] > since_ns
 
     def seen_idle(self, status_ns: int) -> None:
         """Process a status 00 that was requested at this time, if it cannot be old (A-4.8-3)."""

@@ -190,6 +190,20 @@ CASES = (
     ),
     ("3/18", "pass", RUN),
     ("3/18", "fail", RUN + "<90 run_program 11"),
+    # The run of the other connection had ended before this one was accepted.
+    (
+        "3/18",
+        "fail",
+        """
+        2> login password
+        2< login 1
+        2> run_program a.rob
+        2< run_program 1
+        2<90 run_program 11
+        """
+        + RUN
+        + "<90 run_program 11",
+    ),
     (
         "3/18",
         "fail 4.15/5",
