@@ -10,7 +10,7 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Case
 from scaraspec.suite.engine.observer import CaseFinding
 
-_NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # names of the suite's files
+_NUMBERED: Final = re.compile(r"\b[a-z][A-Za-z]*\d+\b")  # names of the suite's files
 
 
 def grouped(
