@@ -5,7 +5,7 @@ must do.
 """
 
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import Final
@@ -168,7 +168,7 @@ class Bench:
             self.start(nodes, variables)
             return self.finish(lasts_s=lasts_s)
 
-    def performs(
+    def performs(  # noqa: PLR0913 - each may differ
         self,
         block: Block,
         variables: Mapping[int, int] = MappingProxyType({}),
@@ -176,6 +176,7 @@ class Bench:
         inputs: Bits = (),
         large: bool = False,
         simulated: bool = False,
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> None:
         """Run a program, and compare the outputs with the result of its statements.
 
@@ -185,6 +186,7 @@ class Bench:
             inputs: The digital inputs, if it reads any.
             large: The program may be refused because of its size (A-5-21).
             simulated: Simulate the program before.
+            meanwhile: What to do while the program runs.
 
         Raises:
             CaseFailed: The program does not end successfully, or the outputs differ.
@@ -199,6 +201,7 @@ class Bench:
                 if simulated:
                     self._simulate(name, state.waited_s)
                 self.restart(name)
+                meanwhile()
                 ended_s = self.finish(lasts_s=state.waited_s).time_s
         except ProgramRefused:
             if not large:

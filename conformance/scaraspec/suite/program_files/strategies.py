@@ -75,13 +75,14 @@ _NEAR: Final = (0, 1, -1, 256, 65536)
 _SAME: Final = "same"  # the comparison of a variable with itself
 _KINDS: Final = (
     *("calculate", "calculate", "calculate", "calculate", "branch", "branch", "branch", "branch"),
-    *("branch", "branch", "assign", "assign", "assign", "flip", "put", "put", "pass", "wait"),
+    *("branch", "assign", "assign", "assign", "flip", "put", "put", "pass", "wait"),
 )
 """The statements of a program."""
 _IN_LOOP: Final = ("calculate", "calculate", "branch", "branch", "assign", "put", "flip")
 _BEFORE_LOOP: Final = ("calculate", "calculate", "assign", "put", "pass", "wait")
 _IN_BRANCH: Final = 2  # statements at most, besides the one that marks the branch
-_DEPTH: Final = 3
+_DEPTH: Final = 5
+_NESTED: Final = 0.2  # the share of the blocks of a branch that contain another branch
 _WITH_ELSE: Final = 0.7  # the share of branches
 _TRIES: Final = 20
 _LONG_WAIT_EVERY: Final = 6  # programs, of which one waits for a second
@@ -246,6 +247,7 @@ class _Writer:
             self._state = copy.deepcopy(state)
         added = Calculate(SUM, variable(SUM), Opt.ADD, number(self._random.randint(1, _SMALL)))
         kinds = self._random.sample(_KINDS[:-1], self._random.randint(0, _IN_BRANCH))
+        kinds += ["branch"] * (self._random.random() < _NESTED)
         block = self._first_defined([added]) + self.block(kinds, depth)
         self._state = state
         return block

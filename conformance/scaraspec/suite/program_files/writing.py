@@ -94,14 +94,6 @@ def wait_program(
     return program_file(dialect, wait(seconds), layout=layout, base=base)
 
 
-def endless_program(
-    dialect: Dialect, *, layout: Layout | None = None, base: Program = EMPTY
-) -> bytes:
-    """Return a program that loops until it is stopped; at least 15 minutes if loops are counted."""
-    body = wait(_LOOP_WAIT_S) * _LOOP_BODY
-    return program_file(dialect, loop(dialect, body), layout=layout, base=base)
-
-
 def outputs_program(
     dialect: Dialect, outputs: Iterable[tuple[int, bool]], *, layout: Layout | None = None
 ) -> bytes:
@@ -162,6 +154,11 @@ def loop(dialect: Dialect, body: Sequence[Node]) -> list[Node]:
     """
     counts = len(body) + (dialect["counts_mode"] == "with-end")
     return [Node(b"", NodeType.LOOP, counts=counts), *body, Node(b"", NodeType.END_LOOP)]
+
+
+def endless_loop(dialect: Dialect) -> list[Node]:
+    """Return a loop that lasts until it is stopped; at least 15 minutes if loops are counted."""
+    return loop(dialect, wait(_LOOP_WAIT_S) * _LOOP_BODY)
 
 
 def branch(

@@ -174,7 +174,7 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     """A running program is reported with all 30 bytes of its name, and its run time increases.
 
     The clock advances, too, into a leap day. Another program is the default program, if the SUT has
-    one. A second client gets the same reply.
+    one. A second client gets the same reply. The run time of a second run begins with 0.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
@@ -225,6 +225,10 @@ def _run_and_check(
         _expect_no_program(line, "a program is reported as running although it has ended")
         if first is None:
             raise EndedTooSoon("the program ended before its status could be requested")
+        requested_s = _now_s(subject)
+        begin_or_skip(subject, line, "run_program", name)
+        if again := _read_run_time(subject, line, name):
+            _expect_counted_from_start(subject, requested_s, again)
     finally:
         stop_motion(subject, line)
 

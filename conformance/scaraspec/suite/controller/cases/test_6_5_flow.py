@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import partial
+from random import Random
 from typing import Final
 
 from hypothesis import Phase, settings
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.program_files import ByteOrder, Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.malformed.delivery import ask_slowly
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
     has_clock,
@@ -313,7 +315,8 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
             performs = partial(robot.performs, variables=program.variables, inputs=dealer.inputs)
             if state.waited_s:
                 with _timer_instead(subject, line, robot, block) as timed:
-                    performs(timed)
+                    slowly = partial(ask_slowly, subject, Random(seed))  # noqa: S311 - reproducible
+                    performs(timed, meanwhile=slowly)
             else:
                 performs(block, simulated=simulated and can_simulate)
 

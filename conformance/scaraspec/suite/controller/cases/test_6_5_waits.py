@@ -103,10 +103,10 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A wait of 200 seconds does not end immediately, and has no effect after a stop."""
+    """A wait of 200 s after one of 0 s does not end immediately; it has no effect after a stop."""
     probe_responsiveness(subject, line)
     with bench(subject, line) as robot:
-        robot.start(wait(_LONG_S))
+        robot.start([*wait(0), *wait(_LONG_S)])
         line.wait(robot.ours_s(_WATCH_S))
         result = robot.ended()
         expect(

@@ -46,7 +46,7 @@ _PROGRAMS: Final = (
     *("upload", "interrupt", "interrupt", "set_output", "download", "set_centre", "get_poses"),
     *("set_initial", "set_clock", "abandon", "send_in_parts"),
     *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
-    "get_place",
+    *("get_place", "jog", "release", "reset"),
 )
 _STEPS_PER_EXAMPLE: Final = 4  # of the longest sequence
 _LONG_STEPS_PER_EXAMPLE: Final = 15

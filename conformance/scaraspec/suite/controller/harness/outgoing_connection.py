@@ -63,6 +63,8 @@ class OutgoingConnection(Connection):
         listing: The last received part of a program list announces another part.
         cuts: The sizes of the segments of each request in bytes; the rest is the last segment. An
             emergency stop is never cut.
+        long_pause_s: The pause after the first segment of the next request that is cut, in seconds.
+            It is then zero, and short pauses separate the segments.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class OutgoingConnection(Connection):
         self._subject = subject
         self.listing = self._names_files = False
         self.cuts: Sequence[int] = ()
+        self.long_pause_s = 0.0
         self._sent_ns = self._received_ns = self._own_ns = 0
         self._transfer_sent_ns = self._pause_ns = self._own_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
@@ -116,7 +119,8 @@ class OutgoingConnection(Connection):
             return
         for number, part in enumerate(split_bytes(frame.encode(), self.cuts)):
             if number:
-                self.wait(_CUT_S)
+                self.wait(self.long_pause_s or _CUT_S)
+                self.long_pause_s = 0.0
             self.send_bytes(part)
 
     def send_bytes(self, data: bytes) -> None:

@@ -27,13 +27,23 @@ from scaraspec.suite.controller.harness.requests.motion import (
 )
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import password_preserved, settings_preserved
-from scaraspec.suite.controller.harness.two_stage.commands import MOVE, RUN, SIMULATE, STOP
+from scaraspec.suite.controller.harness.two_stage.commands import (
+    JOG,
+    LOCK,
+    MOVE,
+    RELEASE,
+    RESET,
+    RUN,
+    SIMULATE,
+    STOP,
+)
 from scaraspec.suite.controller.harness.two_stage.tasks import probe_responsiveness
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
 from scaraspec.suite.program_files.listed import long_name
 
 _ZERO: Final = Point(0, 0, 0)
+_SLOW_EVERY, _FIRST_SLOW = 160, 60  # of the steps whose requests are cut
 _LONG_NAME: Final = 30  # bytes, the maximum that every controller accepts (A-5-20)
 
 
@@ -65,6 +75,7 @@ _ACTS: Final[Mapping[str, _Act]] = {
     "set_centre": _Act(_STATE, ("get_gripper_center", "set_gripper_center")),
     "set_initial": _Act(_STATE, ("get_initial_tool_position", "set_initial_tool_position")),
     "get_poses": _Act(_STATE, ("get_gripper_center", "get_initial_tool_position")),
+    "mistake_setting": _Act(_STATE),
     "set_clock": _Act(_STATE, ("get_time", "set_time")),
     "get_clock": _Act(_READ_ONLY, ("get_time",)),
     "set_password": _Act(_DESTRUCTIVE, ("set_password",)),
@@ -76,6 +87,9 @@ _ACTS: Final[Mapping[str, _Act]] = {
     "interrupt": _Act(_MOTION, (RUN, SIMULATE, STOP)),
     "move": _Act(_MOTION, (MOVE, "get_gripper_center", "set_gripper_center")),
     "get_place": _Act(_MOTION, (MOVE, "get_gripper_center", "set_gripper_center")),
+    "jog": _Act(_MOTION, (JOG, STOP)),
+    "release": _Act(_MOTION, (RELEASE, LOCK)),
+    "reset": _Act(_MOTION, (RESET, "get_initial_tool_position", "set_initial_tool_position")),
     "stop": _Act(_MOTION, (STOP,)),
 }
 
@@ -106,6 +120,7 @@ class StepDealer:
         self._acts = acts
         self._deck: list[str] = []
         self._turns = Counter[str]()
+        self._cut_steps = 0
         self._dealt: dict[int, list[Step]] = {}
 
     def sequence(self, seed: int, longest: int) -> list[Step]:
@@ -123,7 +138,9 @@ class StepDealer:
         act = self._deck.pop()
         self._turns[act] += 1
         which, value, line = (random.randrange(VALUES) for _ in range(3))
-        return Step(act, which, value, line, random.randrange(SEEDS), self._turns[act] - 1)
+        step = Step(act, which, value, line, random.randrange(SEEDS), self._turns[act] - 1)
+        self._cut_steps += bool(step.cuts)
+        return step._replace(slow=bool(step.cuts) and self._cut_steps % _SLOW_EVERY == _FIRST_SLOW)
 
 
 @contextmanager

@@ -42,6 +42,7 @@ class ControllerTraits:
             timeout (A-5-17).
         unresponsive_while_executing: It answers no query while a command executes (A-4-3).
         unresponsive_while_jogging: It answers no query while it jogs.
+        jog_notation: The notation of a jog that it has accepted (A-4.28-1).
         may_be_latched: An emergency stop may have latched it (A-4.17-2); False once it is clear
             that a stop does not latch it.
         latches: An emergency stop has latched it in this run.
@@ -98,6 +99,9 @@ class ControllerTraits:
 
     # set by state.readiness
     start_poses: tuple[Pose, ...] = ()
+
+    # set by two_stage.tasks
+    jog_notation: str | None = None
 
     # set by two_stage.arm
     point_meaning: PointMeaning | None = None

@@ -1,6 +1,7 @@
 """Delivery: sends the same bytes in other segments: split, joined or slow."""
 
 from collections.abc import Iterable
+from random import Random
 from typing import Final
 
 from hypothesis import strategies as st
@@ -16,9 +17,19 @@ from scaraspec.suite.controller.harness.requests.queries import (
     wait_for_replies,
 )
 from scaraspec.suite.engine.expectations import CaseSkipped
+from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 
 SLOWEST_S: Final = 0.9
 """The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
+
+_PART_OF_TRANSFER: Final = 0.5  # a transfer may pause twice as long
+
+
+def longest_pause_s(subject: ControllerUnderTest) -> float:
+    """Return the longest pause inside a frame in our seconds, also during a transfer."""
+    of_transfer_s = _PART_OF_TRANSFER * transfer_timeouts_of(subject).must_survive_s
+    return min(SLOWEST_S / subject.ics.time_scale, of_transfer_s)
+
 
 segment_sizes = st.lists(st.integers(1, 60), max_size=12)
 """The sizes of the segments in bytes; the rest is the last segment."""
@@ -32,6 +43,27 @@ def send_parts(
         if number:
             subject.pause(pause_s)
         line.send_bytes(part)
+
+
+def ask_slowly(subject: ControllerUnderTest, random: Random) -> None:
+    """Send a query on another connection, with the longest pause at any place in it.
+
+    Nothing is sent if there can be no other connection, or if a query may remain unanswered while
+    a program runs (A-4-3).
+
+    Raises:
+        NoReply: The query was not answered.
+    """
+    if subject.traits.unresponsive_while_executing is not False:
+        return
+    if not subject.supports_multiple_connections:
+        return
+    line, query = subject.open(), random.choice(supported_queries(subject))
+    frame = query.frame(line).encode()
+    parts = split_bytes(frame, (random.randrange(1, len(frame)),))
+    send_parts(line, parts, subject, longest_pause_s(subject))
+    line.reply(query.name)
+    line.close()
 
 
 def serves_one_at_a_time(subject: ControllerUnderTest) -> bool:

@@ -1,49 +1,83 @@
 """Steps that run programs, move the arm, stop the robot and switch outputs."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
+from scaraspec.protocol.payloads import JogDirection
 from scaraspec.suite.controller.harness.controller_under_test import (
     MOMENT_S,
     SILENCE_S,
 )
 from scaraspec.suite.controller.harness.model.files import FileSteps
-from scaraspec.suite.controller.harness.model.state import ENDLESS, IDLE_STOP, SWITCHED_OFF_BY, Step
+from scaraspec.suite.controller.harness.model.state import (
+    ENDLESS,
+    IDLE_STOP,
+    SWITCHED_OFF_BY,
+    Step,
+    Writes,
+)
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.controller.harness.requests.clock import SLACK_S
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     REACHED,
     ask_move,
+    await_own_result,
     in_box,
     is_out_of_reach,
+    is_responsive,
     pose_deviation,
     pose_of,
+    release_latch,
+    same_place,
     status_after_result,
     stop,
     stop_motion,
+    stop_without_reset,
 )
 from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
+    Bits,
     digits,
     outputs,
     set_output,
     with_port,
 )
+from scaraspec.suite.controller.harness.requests.queries import Query
 from scaraspec.suite.controller.harness.two_stage.commands import (
+    JOG,
     MOVE,
+    RESET,
     RUN,
     SIMULATE,
     STATES,
     STOP,
+    begin,
     expect_accepted,
     try_request,
 )
-from scaraspec.suite.controller.harness.two_stage.results import expect_success, stop_while_idle
+from scaraspec.suite.controller.harness.two_stage.jogs import (
+    expect_direction,
+    position_of,
+    wait_for_motion,
+)
+from scaraspec.suite.controller.harness.two_stage.results import (
+    expect_success,
+    locked_afterwards,
+    poll_result,
+    release_joints,
+    stop_while_idle,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import begin_jog
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.program_files.layout import configured
 from scaraspec.user_message import UserMessage
 
+_NS: Final = 1e9
 _AXES: Final = 4  # the values of a pose that have a meaning (L1006)
 _FARTHEST_MM: Final = 1.8
 """How far a move goes from the start pose in an axis; less than `REACHED` would not show."""
@@ -53,6 +87,20 @@ _DIRECTIONS: Final = (
     *((1, -1, 1, -1), (-1, 1, -1, 1)),
 )
 """Each axis of a pose alone, and all of them together."""
+_DURING_A_PROGRAM: Final = (
+    ("get_poses", "set_initial", "get_poses"),
+    ("set_output", "get_outputs"),
+    ("list_programs", "get_default"),
+    ("set_centre", "get_poses"),
+    ("query", "get_clock"),
+)
+"""Steps that take place while a program executes."""
+_STOPS_ELSEWHERE: Final = 3  # one of so many stops is sent on another connection
+_JOGS: Final = (
+    *(JogDirection.PLUS_Y, JogDirection.PLUS_X, JogDirection.MINUS_Y, JogDirection.MINUS_X),
+    *(JogDirection.PLUS_Y, JogDirection.MINUS_X, JogDirection.MINUS_Y, JogDirection.PLUS_X),
+)
+"""Jogs in each direction, after each direction of the other axis."""
 _ZERO: Final = Point(0, 0, 0)
 _ALL_OFF: Final = (False,) * len(ALL_OUTPUTS)
 
@@ -95,13 +143,23 @@ class ExecutionSteps(FileSteps):
                 requirement="4.9/4" if running else "4.9/2",
             )
         elif running:
-            message = "a running program is reported although none runs"
-            raise CaseFailed(message, expected="0", observed=f"{reply}", requirement="4.9/6")
+            raise _no_program_error(reply)
+        if running:
+            longest_s = (reply.time_s - self._started_s) * self._subject.ics.time_scale
+            expect(
+                running.run_time_s <= longest_s + SLACK_S,
+                "the run time is longer than this run of the program",
+                expected=f"at most {longest_s:.1f} s",
+                observed=f"{running.run_time_s} s",
+                requirement="4.9/5",
+            )
 
     def _set_output(self, step: Step, line: OutgoingConnection) -> str | None:
         rounds, index = divmod(step.turn, len(self._ports))
         port, on = self._ports[index], bool((rounds + index) % 2)
         answer = set_output(line, port, on=on)
+        if self._running and not answer.accepted:  # A-4.32-4
+            return f"set output {port}, refused"
         expect(
             answer.accepted,
             UserMessage(
@@ -162,7 +220,11 @@ class ExecutionSteps(FileSteps):
         others = [each for each in self._lines if each is not line]
         if step.turn % 2 and others and self._running and not self._unresponsive:
             self._expect_executing(self._replace(others[0]))
-        if step.value > 1:
+        if self._running and not self._unresponsive:
+            for act in _DURING_A_PROGRAM[step.turn % len(_DURING_A_PROGRAM)]:
+                if act in self._acts:
+                    getattr(self, f"_{act}")(step._replace(act=act), line)
+        if step.value > 1 and self._running:
             name = next((n for n in self._files if n != executing), self._name(step))
             refused = self._expect_busy(other, name, line)
         self._stop(step, line)
@@ -172,6 +234,7 @@ class ExecutionSteps(FileSteps):
         if self._running and not self._simulation_ended(within_s=0):
             return self._expect_busy(command, name, line)
         self._subject.moved = True
+        self._started_s = self._subject.now_ns / _NS
         answer = line.ask(command, name)
         if name not in self._files:
             if answer.accepted:  # it may fail late (A-4.15-1)
@@ -188,7 +251,21 @@ class ExecutionSteps(FileSteps):
             self._running = command, name, line
             return f"{command} {show(name)}, which does not end"
         expect_success(self._subject, line, command)
+        self._expect_written(command, name, line)
         return f"{command} {show(name)}"
+
+    def _expect_written(self, command: str, name: bytes, line: OutgoingConnection) -> None:
+        """Require the outputs that a program sets. A simulation need not set them (A-4.16-1)."""
+        if not (writes := self._writes[name]):
+            return
+        reported = outputs(line)
+        if command == SIMULATE and reported in self._outputs.values():
+            return
+        self._outputs = {by: _written(bits, writes) for by, bits in self._outputs.items()}
+        if reported not in self._outputs.values():
+            message = UserMessage("the outputs are not those that {name} sets", name=show(name))
+            expected = digits(self._outputs[frozenset()])
+            expect_equal(digits(reported), expected, message, requirement="6.5/19")
 
     def _expect_busy(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
         if self._unresponsive or self._subject.dialect["busy_reply"] == "queue":
@@ -222,24 +299,117 @@ class ExecutionSteps(FileSteps):
         length = min(_FARTHEST_MM, motion.step_mm / 2) * step.random.uniform(0.7, 1)
         way = (*(length * sign for sign in _DIRECTIONS[step.turn % len(_DIRECTIONS)]), 0, 0)
         target = Pose(*(round(a + b, 1) for a, b in zip(home, way, strict=True)))
-        answer = ask_move(self._subject, line, target) if in_box(self._subject, target) else None
-        if answer is None or is_out_of_reach(answer):
+        if not in_box(self._subject, target):
             return None
-        expect_accepted(MOVE, answer)
+        if not self._begin_motion(MOVE, partial(ask_move, self._subject, line, target)):
+            return None
         self._scene.place = target
-        other = next((each for each in self._lines if each is not line), line)
+        other = self._other(line)
         if (
             self._subject.lag.is_absent
             and self._subject.traits.unresponsive_while_executing is False
         ):
             self._expect_moving(line, other)
+            if step.turn % 2:
+                status = Query("get_status")
+                wait = partial(await_own_result, self._subject, line)
+                self._query_around(status, step, line, wait)
         expect_success(self._subject, line, MOVE)
         self._expect_place(other, target)
         return f"move to {target[:_AXES]}"
 
+    def _jog(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Jog for a moment, and observe this on another connection."""
+        subject, other = self._subject, self._other(line)
+        if self._scene.home is None or subject.traits.unresponsive_while_executing is not False:
+            return None
+        direction = _JOGS[step.turn % len(_JOGS)]
+        before = position_of(line)
+        if not in_box(subject, before.pose):
+            return None
+        if not self._begin_motion(JOG, partial(begin_jog, subject, line, direction)):
+            return None
+        self._scene.place = None
+        wait_for_motion(subject, other)
+        if subject.lag.is_absent and is_responsive(subject, other, jogs=True):
+            self._expect_moving(line, other)
+        ended_early = poll_result(line, JOG) is not None
+        self._note_switch_off(STOP)
+        stop_without_reset(subject, line)
+        poll_result(line, JOG)
+        after = position_of(other)
+        release_latch(subject, line)
+        if same_place(after.pose, before.pose):
+            expect(
+                ended_early or direction not in self._scene.jogged,
+                "a jog does not move the arm, although it did before",
+                expected=f"{direction}",
+                observed=f"{after.pose[:3]}",
+                requirement="4.28/3",
+            )
+        else:
+            self._scene.jogged.add(direction)
+            expect_direction(subject, direction, before, after)
+            expect(
+                after.joints != before.joints or not any(angle % 1 for angle in after.joints),
+                "the joint angles are unchanged although the tool has moved",
+                expected=f"others than {before.joints}",
+                observed=f"{after.joints}",
+                requirement="4.27/4",
+            )
+        self._scene.place = None if subject.traits.latches else after.pose
+        return f"jog towards {direction}"
+
+    def _release(self, _: Step, line: OutgoingConnection) -> str | None:
+        """Release the joints and lock them again; the arm may move because of it (A-4.25-1)."""
+        if self._scene.home is None:
+            return None
+        self._scene.place = None
+        with locked_afterwards(self._subject, line):
+            release_joints(self._subject, line)
+        self._scene.place = pose_of(line)
+        return "release and lock the joints"
+
+    def _reset(self, _: Step, line: OutgoingConnection) -> str | None:
+        """Reset a robot that is at its initial tool position (A-4.18-3)."""
+        pose = pose_of(line)
+        if self._scene.home is None or not in_box(self._subject, pose):
+            return None
+        if not line.ask("set_initial_tool_position", pose).accepted:
+            return None
+        self._initials, self._scene.place = [pose[:_AXES]], None
+        begin(self._subject, line, RESET)
+        expect_success(self._subject, line, RESET)
+        self._scene.place = pose_of(line)
+        return "reset"
+
+    def _begin_motion(self, command: str, request: Callable[[], ReceivedFrame]) -> bool:
+        """Start a motion; return False if the target is out of reach.
+
+        Raises:
+            CaseFailed: It is refused, or accepted only when it is requested again.
+        """
+        answer = request()
+        if is_out_of_reach(answer):
+            if is_out_of_reach(again := request()):
+                return False
+            if again.accepted:
+                stop_motion(self._subject, self._lines[0])
+        expect_accepted(command, answer)
+        return True
+
+    def _other(self, line: OutgoingConnection) -> OutgoingConnection:
+        """Return another connection, or the same one if there is no other."""
+        return next((each for each in self._lines if each is not line), line)
+
     def _expect_moving(self, line: OutgoingConnection, other: OutgoingConnection) -> None:
-        """Require the status of a move, unless the move ends at about this time."""
-        status = other.ask("get_status")
+        """Require the status of a move, unless the move ends at about this time.
+
+        A running program must not be reported.
+        """
+        status, reply = other.ask("get_status"), other.ask("get_running_program")
+        if isinstance(reply.value, RunningProgram):
+            raise _no_program_error(reply)
         if status.value != STATES[MOVE]:
             line.wait(MOMENT_S)
         expect(
@@ -273,14 +443,14 @@ class ExecutionSteps(FileSteps):
         self._expect_place(line, self._scene.place)
         return "query the pose"
 
-    def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
-        """Stop on the connection that started the command: the others get no result."""
-        stopped = self._stopped(line)
+    def _stop(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Stop a command on any connection."""
+        stopped = self._stopped(step, line)
         if self._subject.traits.latches:  # the reset after it has moved the arm (A-4.17-2)
             self._scene.place = None
         return stopped
 
-    def _stopped(self, line: OutgoingConnection) -> str | None:
+    def _stopped(self, step: Step, line: OutgoingConnection) -> str | None:
         self._note_switch_off(STOP if self._running else IDLE_STOP)
         if not self._running:
             stop_while_idle(self._subject, line)
@@ -288,7 +458,8 @@ class ExecutionSteps(FileSteps):
         if self._simulation_ended(within_s=0):
             return None
         command, _name, owner = self._running
-        answer = stop(self._subject, owner)
+        stopping = self._other(owner) if step.seed % _STOPS_ELSEWHERE == 0 else owner
+        answer = stop(self._subject, stopping, owner)
         if not answer.accepted and self._simulation_ended(within_s=SILENCE_S):
             return None
         expect(
@@ -300,4 +471,16 @@ class ExecutionSteps(FileSteps):
         )
         self._running = None
         stop_motion(self._subject, owner)
-        return "stop"
+        return "stop" if stopping is owner else "stop on another connection"
+
+
+def _written(bits: Bits, writes: Writes) -> Bits:
+    """Return the outputs after these changes."""
+    for port, on in writes.items():
+        bits = with_port(bits, port, on=on)
+    return bits
+
+
+def _no_program_error(reply: ReceivedFrame) -> CaseFailed:
+    message = "a running program is reported although none runs"
+    return CaseFailed(message, expected="0", observed=f"{reply}", requirement="4.9/6")

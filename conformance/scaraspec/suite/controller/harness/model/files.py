@@ -1,13 +1,15 @@
 """Steps that upload, download, list and delete files, and set the default program."""
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 from scaraspec.protocol.fields import show
-from scaraspec.protocol.transfer import chunks_of
+from scaraspec.protocol.transfer import FILE_DATA_BYTES, chunks_of
 from scaraspec.suite.controller.harness.malformed.delivery import SLOWEST_S
 from scaraspec.suite.controller.harness.model.connections import ConnectionSteps
-from scaraspec.suite.controller.harness.model.state import ENDLESS, Step
+from scaraspec.suite.controller.harness.model.state import ENDLESS, Step, Writes
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     begin_upload,
@@ -17,22 +19,32 @@ from scaraspec.suite.controller.harness.requests.files import (
     require_place,
     send_chunk,
 )
-from scaraspec.suite.controller.harness.requests.queries import supported_queries
+from scaraspec.suite.controller.harness.requests.queries import Query, supported_queries
 from scaraspec.suite.controller.harness.state.defaults import expect_default
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names
-from scaraspec.suite.program_files.writing import endless_program, program_file, wait
+from scaraspec.suite.program_files.writing import (
+    OUTPUTS,
+    endless_loop,
+    program_file,
+    set_output,
+    wait,
+)
 from scaraspec.user_message import UserMessage
 
 _UNINTERRUPTED: Final = 5  # one of so many transfers and requests in parts is not interrupted
 _ABANDONED_BYTES: Final = 900  # more chunks than are sent
+_ABANDONMENTS: Final = 4  # ways to end a transfer
+_ERROR_SIGNALS: Final = (b"", bytes(FILE_DATA_BYTES))
 _SIZES: Final = 8  # how many sizes the programs of one value have
+_ALIASES: Final = 10**29  # an alias may have 30 bytes with a NUL (A-6.5-1)
 _BETWEEN: Final = (
     ("set_centre", "get_poses"),
     ("query",),
     ("set_clock", "get_clock"),
     ("get_default",),
+    ("log_in",),
     ("set_output", "get_outputs"),
     ("look",),
 )
@@ -48,17 +60,23 @@ class FileSteps(ConnectionSteps):
         """Send a query in two parts, and other requests on another connection between them."""
         queries = [each for each in supported_queries(self._subject) if each.name not in _IN_PARTS]
         query = queries[step.turn % len(queries)]
+        self._query_around(query, step, line, lambda: self._interleave(step, line, "in a request"))
+        return f"{query.name} in two parts"
+
+    def _query_around(
+        self, query: Query, step: Step, line: OutgoingConnection, act: Callable[[], None]
+    ) -> None:
+        """Send a query in two parts, and act between them; send nothing on this line there."""
         frame, begun_ns = query.frame(line).encode(), self._subject.now_ns
         cut = step.random.randrange(1, len(frame))
         line.send_bytes(frame[:cut])
-        self._interleave(step, line, "during a request")
+        act()
         longest_s = SLOWEST_S / self._subject.ics.time_scale
         if self._subject.now_ns - begun_ns > longest_s * _NS:  # it may have dropped it (A-3-11)
             self._replace(line)
-            return "send a part of a request, and reconnect"
+            return
         line.send_bytes(frame[cut:])
         line.reply(query.name)
-        return f"{query.name} in two parts"
 
     def _interleave(self, step: Step, line: OutgoingConnection, when: str) -> None:
         """Perform other steps on another connection, except in some turns (A-5-17)."""
@@ -71,18 +89,27 @@ class FileSteps(ConnectionSteps):
                 description = getattr(self, f"_{act}")(step._replace(act=act), others[0])
                 self.history.append(f"{description or act}, {when}")
 
-    def _content(self, line: OutgoingConnection, step: Step) -> bytes:
-        """Return a program that does nothing, in several sizes, or one that does not end."""
-        dialect, layout = self._subject.dialect, layout_in_use(self._subject)
-        base = configured(self._subject, line)
+    def _content(self, line: OutgoingConnection, step: Step) -> tuple[bytes, Writes]:
+        """Return a program in one of several sizes, and the outputs that it sets.
+
+        It may set outputs and end, or not end; then it sets none, because the nodes after its loop
+        are not executed. Random aliases make its bytes differ from those of other programs.
+        """
+        dialect, layout, random = self._subject.dialect, layout_in_use(self._subject), step.random
+        ports = [port for port in OUTPUTS if port in self._ports]
+        writes = {port: bool(random.randrange(2)) for port in ports}
+        nodes = [set_output(port, on=on) for port, on in writes.items()]
         if step.value >= ENDLESS:
-            return endless_program(dialect, layout=layout, base=base)
-        count = 1 + 2 * step.value + step.seed % _SIZES
-        return program_file(dialect, wait(0) * count, layout=layout, base=base)
+            nodes, writes = [*endless_loop(dialect), *nodes], {}
+        else:
+            nodes += wait(0) * (1 + 2 * step.value + step.seed % _SIZES)
+        named = [replace(node, alias=b"%d" % random.randrange(_ALIASES)) for node in nodes]
+        base = configured(self._subject, line)
+        return program_file(dialect, named, layout=layout, base=base), writes
 
     def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._names[(step.turn + (step.which == 0)) % len(self._names)]
-        content = self._content(line, step)
+        content, writes = self._content(line, step)
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
         if answer.accepted is False and not is_plain(name):  # A-5-20
@@ -107,29 +134,54 @@ class FileSteps(ConnectionSteps):
             if number == 1:
                 self._interleave(step, line, "during a transfer")
             send_chunk(line, chunk)
-        self._files[name] = content
+        self._files[name], self._writes[name] = content, writes
         if step.value >= ENDLESS:
             self._endless_programs.append(name)
         return f"upload {show(name)} of {len(content)} bytes"
 
     def _abandon(self, step: Step, line: OutgoingConnection) -> str | None:
-        """Close a connection during an upload of another file, or refuse a downloaded chunk."""
+        """Break off an upload or a download in one of several ways."""
         self._settle_transfer(line)
         if self._subject.transfers_outlive:  # it blocks others until its timeout (A-5-17)
             return None
-        name = next(iter(self._files), None) if step.turn % 3 == 0 else None
-        if name is None:
-            begin_upload(line, self._subject.new_name())
-            for chunk in [*chunks_of(bytes(_ABANDONED_BYTES))][: step.value]:
-                send_chunk(line, chunk)
-        elif line.ask("download_name", data=name).accepted:
+        if self._files and step.turn % _ABANDONMENTS == 0:
+            return self._abandon_download(step, line)
+        return self._abandon_upload(step, line)
+
+    def _abandon_download(self, step: Step, line: OutgoingConnection) -> str:
+        name = next(iter(self._files))
+        if line.ask("download_name", data=name).accepted:
             next_chunk(line)
             line.answer_chunk(accepted=False)
             with suppress(NoReply):  # it may close the connection (A-5-26)
                 line.sync()
         self._interleave(step, line, "during a transfer")
         self._replace(line)
-        return "abandon an upload" if name is None else f"abandon the download of {show(name)}"
+        return f"abandon the download of {show(name)}"
+
+    def _abandon_upload(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Close or reset a connection during an upload, perhaps after the error signal (L787).
+
+        Afterwards the file is deleted, because it may be kept (A-5-12).
+        """
+        free = [name for name in self._names if name not in self._files and is_plain(name)]
+        if not free:
+            return None
+        name, content = free[step.turn % len(free)], step.random.randbytes(_ABANDONED_BYTES)
+        begin_upload(line, name)
+        for chunk in [*chunks_of(content)][: step.value]:
+            send_chunk(line, chunk)
+        self._interleave(step, line, "during a transfer")
+        match step.turn % _ABANDONMENTS:
+            case 1:
+                line.send("upload_chunk", data=_ERROR_SIGNALS[step.seed % len(_ERROR_SIGNALS)])
+                with suppress(NoReply):
+                    line.sync()
+            case 2 if line.ending is None:
+                line.reset()
+        new = self._replace(line)
+        new.ask("delete_program", data=name)
+        return f"abandon the upload of {show(name)}"
 
     def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)

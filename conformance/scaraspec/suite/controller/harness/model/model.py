@@ -9,6 +9,7 @@ model follows the reply. If the document leaves an outcome open, the model expec
 from typing import TYPE_CHECKING, Final
 
 from scaraspec.protocol.fields import show
+from scaraspec.suite.controller.harness.malformed.delivery import longest_pause_s
 from scaraspec.suite.controller.harness.model.execution import ExecutionSteps
 from scaraspec.suite.controller.harness.model.settings import SettingSteps
 from scaraspec.suite.controller.harness.model.state import READING, VALUES, Step
@@ -36,8 +37,8 @@ _CONSTANT: Final = ("get_version", "get_network")
 _REPORTED_STEPS: Final = 8
 """How many of the last steps of a failing sequence the message names."""
 
-_SERVED: Final = frozenset({*READING, "set_centre"})
-"""Steps that a responsive robot serves while a program executes (A-4-3)."""
+_SERVED: Final = frozenset({*READING, "set_centre", "set_initial", "set_output"})
+"""Steps that a responsive robot serves or refuses while a program executes (A-4-3)."""
 _WHILE_EXECUTING: Final = _SERVED | {"run", "simulate", "stop"}
 """Steps that run while a program executes; every other step stops the program first."""
 
@@ -60,12 +61,14 @@ class Model(SettingSteps, ExecutionSteps):
             if step.act in _SERVED and self._unresponsive:
                 return
             line.cuts = step.cuts
+            if step.slow:
+                line.long_pause_s = longest_pause_s(self._subject)
             description = perform(step, line)
         except CaseFailed as error:
             self._add_history(error, step.act)
             raise
         finally:
-            line.cuts = ()
+            line.cuts, line.long_pause_s = (), 0.0
         if description:
             self.history.append(description)
 

@@ -1,10 +1,12 @@
 """Steps that set the gripper center, the initial tool position and the clock."""
 
-from datetime import timedelta
-from typing import Final
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import Any, Final
 
 from scaraspec.judge.tolerances import read_back
 from scaraspec.protocol.commands import Point, Pose
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, send_malformed
 from scaraspec.suite.controller.harness.model.state import ModelState, Step
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
@@ -19,6 +21,18 @@ from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gr
 _HIGHEST_TENTHS: Final = (0, 0, 9, 99, 999)
 """The largest absolute values of a coordinate of a gripper center, in tenths of a millimeter."""
 
+_SETTINGS: Final = {
+    "set_centre": "set_gripper_center",
+    "set_initial": "set_initial_tool_position",
+    "set_clock": "set_time",
+}
+"""The steps that set something, and their commands."""
+_VALUES: Final[Mapping[str, Any]] = {
+    "set_gripper_center": Point(1, 2, 3),
+    "set_initial_tool_position": Pose(1, 2, 3, 4, 0, 0),
+    "set_time": datetime(2024, 12, 22, 14, 30),  # noqa: DTZ001 - the document names no zone
+}
+"""Values of which malformed ones are made."""
 _DAY: Final = timedelta(days=1)
 _SECOND: Final = timedelta(seconds=1)
 _KINDS_OF_TIME: Final = 7  # any time, and those of `rollovers`
@@ -44,6 +58,30 @@ class SettingSteps(ModelState):
         if line.ask("set_initial_tool_position", value).accepted:  # it may be out of reach
             self._initials = [value[:_AXES]]
         return f"set the initial position {tuple(value)}"
+
+    def _mistake_setting(self, step: Step, line: OutgoingConnection) -> str | None:
+        """Send a setting that is malformed. If it is not accepted, it changes nothing."""
+        names = [name for act, name in _SETTINGS.items() if act in self._acts]
+        if not names:
+            return None
+        name = names[step.turn % len(names)]
+        wrong = step.random.choice(malformed(name, _VALUES[name], self._subject.dialect))
+        if not wrong.firm:
+            return None
+        if name == "set_time" and not self._clock:
+            self._clock = read_clock(self._subject, line)
+        result = send_malformed(self._subject, line, name, wrong)
+        if result.line is not line:  # it closes the connection (A-3-9)
+            self._subject.close_lines()
+            self._lines = [self._connection() for _ in self._lines]
+            line = self._lines[0]
+        if result.accepted:  # a case of its own judges this
+            self._centers, self._initials, self._clock = [], [], None
+        if name == "set_time":
+            self._get_clock(step, line)
+        elif "get_poses" in self._acts:
+            self._get_poses(step, line)
+        return f"{name} with {wrong}"
 
     def _get_poses(self, _: Step, line: OutgoingConnection) -> str | None:
         message = "0x34 does not return the gripper center that was set"
@@ -73,7 +111,7 @@ class SettingSteps(ModelState):
 def _one_of(
     values: list[tuple[float, ...]], reported: tuple[float, ...], message: str, requirement: str
 ) -> list[tuple[float, ...]]:
-    """Require that one of these values is reported, if any is known, and return it.
+    """Require that one of these values is reported, if any is known; return the reported value.
 
     Raises:
         CaseFailed: Another value is reported.
@@ -83,4 +121,4 @@ def _one_of(
             return [value]
     if values:
         expect_numbers(reported, values[0], message, requirement)
-    return []
+    return [reported]

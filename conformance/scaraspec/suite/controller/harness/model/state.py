@@ -1,12 +1,13 @@
 """The state of a model: the expected state of the controller after all requests so far."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.payloads import JogDirection
 from scaraspec.suite.controller.harness.controller_under_test import (
     ControllerUnderTest,
 )
@@ -66,6 +67,10 @@ SWITCHED_OFF_BY: Final = [
 """The sets of events at which a controller may switch all outputs off (A-4.32-3)."""
 
 
+Writes = Mapping[int, bool]
+"""The outputs that a program sets, by port."""
+
+
 class Step(NamedTuple):
     """One step. A step may ignore some of its numbers.
 
@@ -77,6 +82,7 @@ class Step(NamedTuple):
         seed: Selects what has many values: numbers, times, contents, and how requests are cut.
         turn: How many steps of this name precede it in the case. It selects what every run must
             try: each axis in each direction, each name, each kind of time.
+        slow: Whether one of its requests is sent with a long pause between two segments.
     """
 
     act: str
@@ -85,6 +91,7 @@ class Step(NamedTuple):
     line: int
     seed: int = 0
     turn: int = 0
+    slow: bool = False
 
     @property
     def random(self) -> Random:
@@ -108,11 +115,13 @@ class Scene:
         names: The names of the files that may be created.
         home: The pose at the start, for a gripper center of zero; None if the arm must not move.
         place: The pose after the last move; None if it is unknown.
+        jogged: The directions in which a jog has moved the arm.
     """
 
     names: Sequence[bytes]
     home: Pose | None = None
     place: Pose | None = field(init=False)
+    jogged: set[JogDirection] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.place = self.home
@@ -140,6 +149,7 @@ class ModelState:
             self._lines += [self._connection() for _ in range(_LINES - 1)]
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
+        self._writes: dict[bytes, Writes] = {}  # what the programs that end do to the outputs
         self._endless_programs: list[bytes] = []
         self._downloading_line: OutgoingConnection | None = None
         self._default: bytes | None = None
@@ -150,9 +160,11 @@ class ModelState:
         self._initials: list[tuple[float, ...]] = []
         self._clock: ClockSample | None = None
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
+        self._started_s = 0.0  # when the last program was requested
         if "set_initial" in acts:
             self._here = scene.home or pose_of(self._lines[0])
         self._outputs: dict[frozenset[str], Bits] = {}  # by the events that switch all outputs off
+        self._ports: list[int] = []
         if "set_output" in acts:
             self._ports = settable_outputs(self._lines[0])
             self._before = on = outputs(self._lines[0])

@@ -280,8 +280,15 @@ def require_known_responsive(subject: ControllerUnderTest, line: OutgoingConnect
 # ---------------------------------------------------------------------- coming to rest
 
 
-def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
+def stop(
+    subject: ControllerUnderTest, line: OutgoingConnection, owner: OutgoingConnection | None = None
+) -> ReceivedFrame:
     """Send an emergency stop, wait for its result and release the latch.
+
+    Args:
+        subject: The controller under test.
+        line: The connection that sends the stop.
+        owner: The connection that started the command, if it is another one.
 
     Returns:
         The first reply to the stop.
@@ -289,14 +296,16 @@ def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
     Raises:
         NoReply: The stop is not answered.
     """
-    answer = stop_without_reset(subject, line)
+    answer = stop_without_reset(subject, line, owner)
     if answer.accepted:
         release_latch(subject, line)
     return answer
 
 
-def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
-    """Send an emergency stop and wait for its result, without a reset.
+def stop_without_reset(
+    subject: ControllerUnderTest, line: OutgoingConnection, owner: OutgoingConnection | None = None
+) -> ReceivedFrame:
+    """Send an emergency stop and wait for its result, without a reset; see `stop`.
 
     Returns:
         The first reply to the stop.
@@ -308,16 +317,17 @@ def stop_without_reset(subject: ControllerUnderTest, line: OutgoingConnection) -
     if answer.accepted:
         with suppress(NoReply):
             line.result("emergency_stop", within_s=subject.reply_s)
-        _await_own_result(subject, line)
+        await_own_result(subject, owner or line)
         wait_until_at_rest(subject, line)
         if not subject.lag.is_absent:
             line.wait(TOLERATED_S)
     return answer
 
 
-def _await_own_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+def await_own_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait for the result of the stopped command, which may follow that of the stop (A-4.17-4)."""
     deadline = Deadline(subject, SILENCE_S)
+    line.pump()
     while not (deadline.expired or line.ended or any(seen.frame.tagged for seen in line.inbox)):
         line.wait(_POLL_S)
 

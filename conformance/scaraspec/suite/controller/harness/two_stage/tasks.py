@@ -54,6 +54,8 @@ def begin_jog(
 ) -> ReceivedFrame:
     """Start a jog. If the first notation is not understood, try the other one (A-4.28-1).
 
+    Only the first jog that is accepted tries two notations.
+
     Returns:
         The first reply to the notation that is understood, or else to the first notation.
 
@@ -64,7 +66,8 @@ def begin_jog(
     probe_responsiveness(subject, line)
     request, current = BY_NAME[JOG].request, subject.dialect["jog_byte"]
     first: ReceivedFrame | None = None
-    for notation in (current, "ascii" if current == "binary" else "binary"):
+    known, other = subject.traits.jog_notation, "ascii" if current == "binary" else "binary"
+    for notation in (current, other) if known is None else (known,):
         data = request.encode(direction, subject.dialect.replace(jog_byte=notation))
         subject.moved = True
         try:
@@ -74,6 +77,8 @@ def begin_jog(
         if answer.accepted or answer.code in BUSY:
             if notation != current:
                 subject.set_reading("jog_byte", notation)
+            if answer.accepted:
+                subject.traits.jog_notation = notation
             return answer
         first = first or answer
     if first is None:
