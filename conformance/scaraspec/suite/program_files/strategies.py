@@ -80,6 +80,7 @@ _KINDS: Final = (
 """The statements of a program."""
 _IN_LOOP: Final = ("calculate", "calculate", "branch", "branch", "assign", "put", "flip")
 _BEFORE_LOOP: Final = ("calculate", "calculate", "assign", "put", "pass", "wait")
+_BRANCHES: Final = 12  # in a program at most, because a long one may be refused (A-5-21)
 _IN_BRANCH: Final = 2  # statements at most, besides the one that marks the branch
 _DEPTH: Final = 5
 _NESTED: Final = 0.2  # the share of the blocks of a branch that contain another branch
@@ -152,6 +153,7 @@ class _Writer:
 
     def __init__(self, random: Random, dealer: ProgramDealer, wait_s: int) -> None:
         self._random, self._dealer, self._wait_s = random, dealer, wait_s
+        self._branches = _BRANCHES
         self._off_inputs = [port for port in dealer.ports if not dealer.inputs[port - 1]]
         self._kinds = ("number", "variable", *["input"] * bool(self._off_inputs))
         pairs = [*itertools.product(self._kinds, repeat=2)]
@@ -184,7 +186,10 @@ class _Writer:
                 value = self._operand(kind) if kind != "number" else number(self._deal(LIMITS))
                 return self._first_defined([Assign(key, value)]) + self._collect(key)
             case "branch":
-                return [self._branch(depth - 1)] if depth else []
+                if not (depth and self._branches):
+                    return []
+                self._branches -= 1
+                return [self._branch(depth - 1)]
             case "flip":
                 tries = [Flip(random.choice(OUTPUTS[1:-1]))]
             case "put":

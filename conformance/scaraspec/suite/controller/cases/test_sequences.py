@@ -132,7 +132,7 @@ def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     operations = [
         operation
         for operation in operations_within(subject, frozenset(_STATE))
-        if operation != "reconnect"
+        if operation not in ("reconnect", "abandon")
     ]
     count = settings().max_examples * _LONG_STEPS_PER_EXAMPLE
     dealer, random = StepDealer(operations), Random(0)  # noqa: S311 - it must be reproducible
