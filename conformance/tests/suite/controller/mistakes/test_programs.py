@@ -386,7 +386,6 @@ class CachesProgramsBySum(CachesProgramsByName):
         (CachesProgramsByName, "6.5/24", "6.5/24"),
         (CachesProgramsBySum, "6.6a/13", "6.6a/13"),
         (RunsLatestUpload, "6.5/19", "6.5/19"),
-        (with_interpreter(WritesResultEarly), "6.6a/14", "6.6a/14"),
         (with_interpreter(IfInElseIsFalse), "6.5/24", "6.5/24"),
         (ContinuesStoppedProgram, "6.5/26", "6.5/26"),
         (with_interpreter(ComparesByDifference), "6.6a/12", "6.6a/12"),
@@ -416,6 +415,7 @@ def test_fault_is_detected(
         (with_interpreter(IgnoresInputAssignments), "6.6a/14"),
         (with_interpreter(CalculatesAsFloats), "6.6a/11"),
         (with_interpreter(ComparesWithKey), "6.6a/14"),
+        (with_interpreter(WritesResultEarly), "6.6a/14"),
     ],
 )
 def test_fault_is_detected_after_a_drawn_program(
