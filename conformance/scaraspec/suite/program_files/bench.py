@@ -178,7 +178,7 @@ class Bench:
         inputs: Bits = (),
         large: bool = False,
         simulated: bool = False,
-        meanwhile: Callable[[], None] = lambda: None,
+        while_running: Callable[[], None] = lambda: None,
     ) -> None:
         """Run a program, and compare the outputs with the result of its statements.
 
@@ -188,7 +188,7 @@ class Bench:
             inputs: The digital inputs, if it reads any.
             large: The program may be refused because of its size (A-5-21).
             simulated: Simulate the program before.
-            meanwhile: What to do while the program runs.
+            while_running: What to do while the program runs.
 
         Raises:
             CaseFailed: The program does not end successfully, or the outputs differ.
@@ -203,7 +203,7 @@ class Bench:
                 if simulated:
                     self._simulate(name, state.waited_s)
                 self.restart(name)
-                meanwhile()
+                while_running()
                 self.finish(lasts_s=state.waited_s)
         except ProgramRefused:
             if not large:

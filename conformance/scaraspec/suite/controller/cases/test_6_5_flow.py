@@ -316,7 +316,7 @@ def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) 
             if state.waited_s:
                 with _timer_instead(subject, line, robot, block) as timed:
                     slowly = partial(ask_slowly, subject, Random(seed))  # noqa: S311 - reproducible
-                    performs(timed, meanwhile=slowly)
+                    performs(timed, while_running=slowly)
             else:
                 performs(block, simulated=simulated and can_simulate)
 
