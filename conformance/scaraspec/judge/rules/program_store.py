@@ -350,7 +350,7 @@ def refused_deletion_keeps(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None
     name = refused.request.text
     unseen = x.time_ns - before.time_ns > MAX_UNSEEN_NS or name in robot.history.deleted
-    uploaded = robot.history.uploaded_ns.get(name, before.time_ns) > before.time_ns
+    uploaded = robot.history.uploaded_ns.get(name, -1) >= before.time_ns
     if unseen or uploaded or name not in listed_names(before):
         return None
     if name in listed_names(x):

@@ -269,7 +269,7 @@ class KeepsFutureDefault(KeepsDefaultProgram):
 
 def test_default_program_that_is_stored_later_stays(run_cases: RunCases) -> None:
     """A sequence sets a missing program as default and stores it later."""
-    (message,) = run_cases(KeepsFutureDefault, "3/31", examples=20).problems
+    (message,) = run_cases(KeepsFutureDefault, "3/31", examples=10).problems
     assert "(the default program) was not listed at the start" in message
 
 
