@@ -33,7 +33,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
-from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.robot_state import RESULT_LAG_NS, RobotState
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
 _MAX_FINDINGS: Final = 50
@@ -146,6 +146,11 @@ class Judge:
     def transferring(self, connection: str) -> bool:
         """Whether a file transfer may be active on this connection, for one side at least."""
         return connection in self._dialogues and self._dialogues[connection].transferring
+
+    def results_are_late(self) -> None:
+        """Note that final results were measured to come after the status 00 (A-4-9)."""
+        for robot in self.robots.values():
+            robot.result_lag_ns = RESULT_LAG_NS
 
     def status_is_current(self) -> None:
         """Note that a status is never old, so that it is not tolerated (A-4.8-3)."""

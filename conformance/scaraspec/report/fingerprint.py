@@ -9,7 +9,7 @@ from scaraspec.judge.requirements import REQUIREMENTS
 
 _LENGTH: Final = 16
 _VARIABLE: Final = re.compile(
-    r"\bzs[a-z]{4}[a-z0-9]*"  # names of the suite's files have a token of the run
+    r"\bzs[a-z]{2}[a-z0-9]*"  # names of the suite's files have a token of the run
     r"|\b(?:[0-9A-F]{2} )+[0-9A-F]{2}\b"  # bytes
     r"|\d+(?:\.\d+)?"  # times, ports, connections, counters, values
     r"|, (?:once|\d+ times)"

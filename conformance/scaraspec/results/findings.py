@@ -15,7 +15,7 @@ SKIPPED_AFTER_FAILURE: Final = frozenset({Reason.FAILED_BEFORE, Reason.DEPENDENC
 _VOLATILE_NAMES: Final = frozenset({"connection", "count", "first_case", "port", "times"})
 _TIME_UNITS: Final = ("_s", "_ms", "_ns")
 _VOLATILE: Final = re.compile(
-    r"\bzs[a-z]{4}[a-z0-9]*"  # names of the suite's files have a token of the run
+    r"\bzs[a-z]{2}[a-z0-9]*"  # names of the suite's files have a token of the run
     r"|\d+\.\d+|\d+ (?:ms|s|min|times)\b"  # measured values
 )
 

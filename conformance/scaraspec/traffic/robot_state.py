@@ -18,6 +18,8 @@ STATE_LAG_NS: Final = 100_000_000
 SETTLES: Final = ("emergency_stop", "reset")
 SETTLE_NS: Final = 1_000_000_000
 """For how long a robot may report after these commands that it still executes (A-4-9)."""
+RESULT_LAG_NS: Final = 500_000_000
+"""How much later than a status 00 a final result may come if it was measured (A-4-9)."""
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 
@@ -46,6 +48,8 @@ class RobotState:
         """Connections with an active file transfer."""
         self.status_lag_ns = STATE_LAG_NS
         """How old a status may be; 0 if it was measured that it is never old."""
+        self.result_lag_ns = 0
+        """How much later than a status 00 a final result may come; 0 if this was not measured."""
         self.bytes_missing = False
         """Whether there was a gap in the recording; set by `Dialogue`."""
         self.fault_injected = False

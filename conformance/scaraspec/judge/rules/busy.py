@@ -206,6 +206,9 @@ def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
     idle = robot.history.idle_since_ns is not None and not robot.busy and x.reply_value == "00"
     if not idle or x.time_ns - begin_ns > _SECOND_NS:
         return None
+    ended = robot.history.accepted[-1].result if robot.history.accepted else None
+    if ended is not None:  # the robot may settle (A-4-9)
+        begin_ns = max(begin_ns, ended.place.time_ns + STATE_LAG_NS)
     for name in (*NOT_STOP, "shutdown"):
         for y in robot.history.between(name, begin_ns, x.time_ns):
             if y.accepted is False and y.reply_value.code in BUSY:
@@ -232,12 +235,13 @@ def busy_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("4/8", on=Exchange, names=STATE_OF)
-def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
-    """A status 00 that came before the final result contradicts it (L318)."""
+def never_idle_while_executing(x: Exchange, robot: RobotState) -> RuleResult | None:
+    """A status 00 that came before the final result contradicts it (L318; A-4-9)."""
     if not x.idle_status or not x.result:
         return None
     same = x.idle_status.place.connection == x.request.place.connection
-    if not same and x.result.begun_ns - x.idle_status.place.time_ns < _SECOND_NS:
+    early_ns = x.result.begun_ns - x.idle_status.place.time_ns
+    if early_ns < (robot.result_lag_ns if same else _SECOND_NS):
         return None
     return failed(
         UserMessage("the status is 00 (idle) while {command} executes", command=x.name),

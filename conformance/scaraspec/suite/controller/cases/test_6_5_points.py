@@ -49,10 +49,10 @@ _OBSERVATION_TOLERANCE: Final = 3  # difference between observations of the same
 
 
 def _expect_at(robot_arm: Arm, target: Values) -> None:
-    position = robot_arm.place()
+    position, reached = robot_arm.place_at(target)
     source = "0x3C" if robot_arm.meaning == "joints" else "0x38"
     expect(
-        near(position, target),
+        reached,
         UserMessage(
             "after a program, {source} does not report the values of its last point", source=source
         ),

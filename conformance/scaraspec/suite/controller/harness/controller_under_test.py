@@ -82,7 +82,7 @@ class ControllerUnderTest:
         traits: What was detected once for the whole run.
         timeout_policy: The timeouts for replies that have never come.
         lag: How much later than the state its replies report it.
-        settling: How long it reports after a stop or a reset that it executes.
+        settling: How long it is busy after a final result.
         places: Knows when it may refuse a client because another one has just left.
         unanswered: The commands that it never answered before the running case.
         files: The files on the controller that the suite has created.

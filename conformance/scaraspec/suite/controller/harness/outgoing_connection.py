@@ -16,6 +16,7 @@ from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
 from scaraspec.report.failed_step import Stage
+from scaraspec.suite.controller.harness.settling import BUSY
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
@@ -134,7 +135,7 @@ class OutgoingConnection(Connection):
     def _wait_for_state(self, frames: list[Frame]) -> None:
         """Wait until the robot has settled and replies report its state (A-4-9, A-4.8-3)."""
         lag, settling = self._subject.lag, self._subject.settling
-        if lag.measured or settling.longest_s:
+        if lag.measured or settling.is_known:
             self._subject.pump_others(self)
             self.wait(settling.wait_s(frames, self._subject.now_ns))
             for _ in range(_LAG_WAITS):
@@ -201,13 +202,20 @@ class OutgoingConnection(Connection):
         Raises:
             NoReply: No reply arrived within `within_s`, by default the reply timeout.
         """
+        stop, settling = self._subject.guard.stop, self._subject.settling
+        settles = settling.may_refuse(BY_NAME[name].opcode, self._subject.now_ns)
+        settles = settles and not stop.executing
         self._drop_unsolicited(self.send(name, value, data=data))
         try:
-            return self.reply(name, within_s=within_s)
+            answer = self.reply(name, within_s=within_s)
         except NoReply:
             if within_s is None:
                 self.end_unfinished_reply()
             raise
+        if settles and answer.accepted is False and answer.code in BUSY:
+            settling.note_refusal(self)
+            return self.ask(name, value, data=data, within_s=within_s)
+        return answer
 
     def end_unfinished_reply(self) -> None:
         """Send requests until an unfinished reply ends, so that the judge can see its fault.

@@ -18,7 +18,8 @@ from scaraspec.user_message import UserMessage
 STEM: Final = "zs"
 """The beginning of the names of all files that the suite creates."""
 
-TOKEN_LETTERS: Final = 4
+TOKEN_LETTERS: Final = 2
+"""Few enough for names of at most eight characters before the extension (A-5-20)."""
 _TOKENS: Final = 100
 
 

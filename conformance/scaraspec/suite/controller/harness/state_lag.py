@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.traffic.robot_state import STATE_LAG_NS
+from scaraspec.traffic.robot_state import RESULT_LAG_NS, STATE_LAG_NS
 
 _NS: Final = 1e9
 
@@ -67,12 +67,18 @@ class StateLag:
         measured: The longest measured lag of each state that is reported late.
         steps_taken: The lags of the status and the pose were measured.
         inputs_driven: The lag of the inputs was measured, or this was tried.
+        results_late: Final results come after the status is idle (A-4-9).
     """
 
     def __init__(self) -> None:
         self.measured: dict[State, Lag] = {}
-        self.steps_taken = self.inputs_driven = False
+        self.steps_taken = self.inputs_driven = self.results_late = False
         self._changed_ns = self._ended_ns = 0
+
+    @property
+    def result_s(self) -> float:
+        """How much later than the idle status a final result may come, in seconds."""
+        return RESULT_LAG_NS / _NS if self.results_late else TOLERATED_S
 
     @property
     def is_absent(self) -> bool:

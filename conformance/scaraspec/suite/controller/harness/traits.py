@@ -47,6 +47,7 @@ class ControllerTraits:
             that a stop does not latch it.
         latches: An emergency stop has latched it in this run.
         wrong_passwords_tried: How many wrong passwords sequences have tried.
+        stores_only_programs: It refuses a file that is not a valid program (A-5-21).
         stable_inputs: The digital inputs that did not change during a second.
         no_late_reply: The commands whose malformed request it left unanswered.
         start_poses: The reported poses before the arm was moved away from the end of its travel.
@@ -90,6 +91,9 @@ class ControllerTraits:
     unresponsive_while_jogging: bool | None = None
     may_be_latched: bool | None = None
     latches: bool = False
+
+    # set by requests.files
+    stores_only_programs: bool | None = None
 
     # set by requests.ports
     stable_inputs: frozenset[int] | None = None

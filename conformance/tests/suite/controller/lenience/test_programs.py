@@ -10,8 +10,12 @@ from typing import Any
 
 import pytest
 
+from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.virtual_controller.arm import UPPER, Pose, UnreachableError, inverse
+from scaraspec.protocol.program_files import Node, ProgramError, parse
+from scaraspec.suite.controller.harness.own_files import OwnFiles
+from scaraspec.suite.engine.journal import Journal
+from scaraspec.virtual_controller.arm import UPPER, Joints, Pose, UnreachableError, inverse
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
 from scaraspec.virtual_controller.behaviour.programs import NO_SUCH_PROGRAM
 from scaraspec.virtual_controller.core import ControllerCore
@@ -190,3 +194,98 @@ def test_damaged_file_may_fail_during_its_run(run_cases: RunCases) -> None:
     cases = run_cases(DetectsDamageDuringRun, "6.5/28")
     assert not cases.problems
     assert sum(case.duration_s for case in cases.values()) < 30
+
+
+class _StartsLate(Run):
+    """Starts its first node after two seconds."""
+
+    def __init__(self, *args: Any, now_s: float, **kwargs: Any) -> None:
+        super().__init__(*args, now_s=now_s + 2, **kwargs)
+
+
+class LoadsProgramsSlowly(ControllerCore):
+    """A program starts two seconds after the first reply."""
+
+    interpreter = _StartsLate
+
+
+class _SlowNodes(Run):
+    """Each node takes 0.12 s longer."""
+
+    def _begin(self, node: Node, now_s: float) -> float:
+        return super()._begin(node, now_s) + 0.12
+
+
+class InterpretsSlowly(ControllerCore):
+    """Programs of 500 nodes last a minute."""
+
+    interpreter = _SlowNodes
+
+
+@pytest.mark.parametrize(
+    ("core", "only"),
+    [(LoadsProgramsSlowly, ("6.5/20", "6.5/9")), (InterpretsSlowly, ("6.5/26",))],
+)
+def test_start_and_nodes_may_take_time(
+    run_cases: RunCases, core: type[ControllerCore], only: tuple[str, ...]
+) -> None:
+    """Only the waits of a program have a duration (6.5/20)."""
+    assert not run_cases(core, *only, hooks=("set_analog",)).problems
+
+
+class Overshoots(ControllerCore):
+    """After a motion the gripper swings by 0.3 degrees for a third of a second."""
+
+    def _joints(self, now_s: float) -> Joints:
+        joints, since_s = self.plant.joints(now_s), now_s - self.plant.motion_ends_s
+        swing = 0.3 * math.exp(-since_s / 0.08) * math.sin(50 * since_s) if since_s > 0 else 0.0
+        return joints._replace(rotation_deg=joints.rotation_deg + swing)
+
+    def get_joint_angles(self, request: Request) -> JointValues:
+        return JointValues(*self._joints(request.now_s))
+
+
+class ReportsWholeNumbers(ControllerCore):
+    """Joint angles are reported without decimals (A-T-5)."""
+
+    def get_joint_angles(self, request: Request) -> JointValues:
+        return JointValues(*map(round, super().get_joint_angles(request)))
+
+
+@pytest.mark.parametrize("core", [Overshoots, ReportsWholeNumbers])
+def test_arm_may_be_near_the_point(run_cases: RunCases, core: type[ControllerCore]) -> None:
+    """The last point of a program may be reported after a moment, and rounded."""
+    assert not run_cases(core, "6.5/27").problems
+
+
+class StoresOnlyPrograms(ControllerCore):
+    """The last chunk of a file that is not a program is refused (A-5-21)."""
+
+    def _write(self, name: bytes, content: bytes) -> bool:
+        try:
+            parse(content)
+        except ProgramError:
+            return False
+        return super()._write(name, content)
+
+
+def test_only_programs_may_be_stored(run_cases: RunCases) -> None:
+    """Cases that need other files are skipped, and the reason names it."""
+    cases = run_cases(StoresOnlyPrograms, "4.10/11", "5.1/8", "5.4/7", "6.5/26", "3/30")
+    assert not cases.problems
+    assert "the subject stores only valid programs" in cases["5.1/8"].message
+
+
+class AcceptsShortNames(ControllerCore):
+    """A name has at most eight characters and an extension of three (A-5-20)."""
+
+    def upload_name(self, request: Request) -> bool:
+        stem, _, extension = request.value.partition(b".")
+        return len(stem) <= 8 and len(extension) <= 3 and super().upload_name(request)
+
+
+def test_names_of_the_suite_are_short(run_cases: RunCases) -> None:
+    """Cases that do not judge the length of names need no more than eight characters."""
+    assert not run_cases(AcceptsShortNames, "5.4/1", "6.5/19").problems
+    files = OwnFiles(Journal(), lambda: "ab")
+    assert [files.new_name(".rob") for _ in range(1000)][-1] == b"zsab1000.rob"

@@ -22,12 +22,14 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     expect,
 )
+from scaraspec.suite.program_files.writing import wait_program
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import refuses_reply
 from scaraspec.user_message import UserMessage
 
 _PLAIN: Final = re.compile(rb"[A-Za-z0-9]+\.[A-Za-z]+")
 _TRANSFER: Final = range(0x50, 0x57)
+_NO_PROGRAM: Final = b"!"
 _MOST_BYTES: Final = 2**20
 _MOST_CHUNKS: Final = 2000  # of a file of at most `_MOST_BYTES`
 
@@ -46,6 +48,10 @@ class StoreFull(CaseSkipped):
     def __init__(self, deleted: bytes) -> None:
         super().__init__("the store is full: it has no place for another file")
         self.deleted = deleted
+
+
+class ContentRefused(CaseSkipped):
+    """The subject refuses files that are not valid programs (A-5-21)."""
 
 
 def is_plain(name: bytes) -> bool:
@@ -118,6 +124,30 @@ def require_place(line: OutgoingConnection, name: bytes) -> None:
             return
 
 
+def require_any_content(line: OutgoingConnection) -> None:
+    """Find out whether the subject stores only valid programs, after it has refused a chunk.
+
+    Raises:
+        ContentRefused: It refuses a file of one byte, and accepts a program.
+    """
+    traits = line.subject.traits
+    if traits.stores_only_programs is None:
+        program = wait_program(line.subject.dialect, 1, layout=traits.listed_layout)
+        accepts = (_accepts(line, content) for content in (_NO_PROGRAM, program))
+        traits.stores_only_programs = tuple(accepts) == (False, True)
+    if traits.stores_only_programs:
+        raise ContentRefused("the subject stores only valid programs")
+
+
+def _accepts(line: OutgoingConnection, content: bytes) -> bool:
+    name = line.subject.new_name()
+    accepted = line.ask("upload_name", data=name).accepted is True
+    accepted = accepted and all(try_chunk(line, chunk) for chunk in chunks_of(content))
+    if accepted:
+        line.ask("delete_program", data=name)
+    return accepted
+
+
 def try_chunk(
     line: OutgoingConnection,
     chunk: Chunk | None = None,
@@ -150,10 +180,12 @@ def send_chunk(
     Raises:
         CaseFailed: The subject refuses the chunk.
         CaseInconclusive: The suite sent the chunk so late that the transfer may have ended.
+        ContentRefused: The subject stores only valid programs.
     """
     answer = line.ask("upload_chunk", chunk, within_s=line.chunk_timeout_s)
     if not answer.accepted:
         line.require_timely()
+        require_any_content(line)
     expect(
         answer.accepted,
         message

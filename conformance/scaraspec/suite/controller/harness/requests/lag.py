@@ -4,6 +4,7 @@ The steps of the arm are those of the stop proof. `state_lag` defines which lags
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Final
 
 from scaraspec.protocol.commands import Pose
@@ -19,6 +20,8 @@ from scaraspec.suite.controller.harness.requests.motion import (
     same_place,
 )
 from scaraspec.suite.controller.harness.state_lag import LONGEST_S, Lag, State
+from scaraspec.suite.engine.deadline import Deadline
+from scaraspec.suite.engine.expectations import NoReply
 
 _MOVE: Final = "set_tool_coordinates"
 _JUDGED: Final = ("4/7", "4/8", "4.8/7", "4.23/5", "4.24/8", "4.27/4")
@@ -27,6 +30,7 @@ _STEPS: Final = 4  # slow ones to observe the status, and fast ones to observe t
 _STEPS_IF_LATE: Final = 8
 _PHASE_S: Final = 0.013  # the steps end at different moments between two samples
 _POLL_S: Final = 0.005
+_RESULT_POLL_S: Final = 0.04
 _ARRIVED_POLL_S: Final = 0.1  # the pose at the target seldom changes any more …
 _ARRIVED_S: Final = 0.2  # … and not later: an arm was farther from its target that long ago
 _NS: Final = 1e9
@@ -84,6 +88,9 @@ def probe_lag(subject: ControllerUnderTest) -> None:
     for state, lag in lags:
         subject.lag.note(state, lag)
     subject.lag.steps_taken = True
+    if subject.lag.results_late:
+        subject.observer.judge.results_are_late()
+        subject.notify("final results come after the status is idle (A-4-9)")
     if State.STATUS not in subject.lag.measured:
         subject.observer.judge.status_is_current()
 
@@ -95,10 +102,25 @@ def _lags_of_step(
     begin = measure(subject, line, lambda: line.ask("get_status").value != IDLE)
     if begin and not any(seen.frame.tagged for seen in line.inbox):
         yield State.STATUS, begin
-    line.result(_MOVE)
+    if _is_idle_before_result(subject, line, target):
+        subject.lag.results_late = True
     if end := _pose_lag(subject, line, target):
         yield State.POSE, end
     measure(subject, line, lambda: line.ask("get_status").value == IDLE)
+
+
+def _is_idle_before_result(
+    subject: ControllerUnderTest, line: OutgoingConnection, target: Pose
+) -> bool:
+    """Wait for the result of a step: whether status and pose showed its end clearly before."""
+    idle, deadline = 0, Deadline(subject, subject.longest_s)
+    while not deadline.expired:
+        with suppress(NoReply):
+            line.result(_MOVE, within_s=_RESULT_POLL_S)
+            return idle > 1
+        idle += line.ask("get_status").value == IDLE and same_place(pose_of(line), target)
+    line.result(_MOVE)
+    return False
 
 
 def _pose_lag(subject: ControllerUnderTest, line: OutgoingConnection, target: Pose) -> Lag | None:

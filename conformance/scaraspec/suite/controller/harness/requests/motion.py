@@ -424,7 +424,7 @@ def wait_for_end(
         is_responsive(subject, line)  # `status_of` depends on this
         idle = status_of(subject, line) == IDLE
     with suppress(NoReply):
-        return line.result(name, within_s=SILENCE_S)
+        return line.result(name, within_s=max(SILENCE_S, subject.lag.result_s))
     if not line.ended:
         subject.timeout_policy.note_timeout(due)
     return None

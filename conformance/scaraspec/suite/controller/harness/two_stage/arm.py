@@ -26,6 +26,12 @@ from scaraspec.user_message import UserMessage
 REACHED: Final = 0.2
 """The tolerance of a reached position, in mm or degrees: values may have one decimal (A-T-5)."""
 
+_ROUNDED: Final = 0.55
+"""The same if only whole numbers are reported (A-T-5)."""
+_SETTLING: Final = 1.0
+"""How far an arm may be from its target while it settles, in mm or degrees."""
+_SETTLE_S: Final = 0.5
+
 _KEY: Final = "point_meaning"
 _POLL_S: Final = 0.02
 _IMPOSSIBLE: Final = ("05", "06")  # an impossible coordinate or angle (table 8-1)
@@ -74,6 +80,15 @@ class Arm:
     def place(self) -> Values:
         """Return its position in the values of a point."""
         return _place(self.line, self.meaning)
+
+    def place_at(self, target: Values) -> tuple[Values, bool]:
+        """Return its position, and whether this is a target. An arm near it may still settle."""
+        deadline = Deadline(self.subject, _SETTLE_S)
+        while not _shows(position := self.place(), target):
+            if deadline.expired or max_deviation(position, target) > _SETTLING:
+                return position, False
+            self.line.wait(_POLL_S)
+        return position, True
 
     def step(self, start: Values, index: int, share: float = 1.0) -> Values:
         """Return a position that differs by a step, or a share of it, in one value."""
@@ -127,6 +142,12 @@ class Arm:
 def near(a: Values, b: Values) -> bool:
     """Whether two positions are equal within `REACHED`."""
     return max_deviation(a, b) <= REACHED
+
+
+def _shows(position: Values, target: Values) -> bool:
+    """Whether a reported position, which may be rounded, is that of a target."""
+    rounded = all(float(value).is_integer() for value in position)
+    return max_deviation(position, target) <= (_ROUNDED if rounded else REACHED)
 
 
 @contextmanager
@@ -235,6 +256,6 @@ def _turns(made: Arm, share: float) -> bool:
                 line.wait(_POLL_S)
             if not result.done:
                 return False
-        if not near(made.place(), *way):
+        if not made.place_at(*way)[1]:
             return False
     return True

@@ -30,7 +30,6 @@ from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _RUNNING: Final = ("01", "02")  # L1018-1019
-_LAG_S: Final = 0.1  # the final result may come this much later than the idle status
 _REST_S: Final = 1.0  # the status must be idle within this time after a final result
 
 
@@ -144,7 +143,7 @@ def expect_status(
     answer = ask_while_executing(subject, line, "get_status", command)
     if answer.value == expected:
         return True
-    if answer.value == _IDLE and poll_result(line, command, _LAG_S) is not None:
+    if answer.value == _IDLE and poll_result(line, command, subject.lag.result_s) is not None:
         return False
     require_no_fault(answer)
     message = UserMessage(
