@@ -80,6 +80,7 @@ class Proxy:
         delay_s: The delay in seconds.
         count: How many frames it has counted.
         case: The running case.
+        holding: The links on which something waits.
     """
 
     place: Place
@@ -87,6 +88,7 @@ class Proxy:
     delay_s: float = 0.0
     count: int = 0
     case: str = BEFORE
+    holding: list[Any] = field(default_factory=list)
 
     def announce(self, case: Case) -> None:
         """Note which case runs."""
@@ -114,16 +116,18 @@ class DelayingAccess(MemoryAccess):
 
         def delayed(deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
             if not held:
-                arrival = receive(deadline_s, others)
+                arrival = receive(deadline_s, [o for o in others if o not in self.proxy.holding])
                 if arrival is None or not self.proxy.delays(arrival.content):
                     return arrival
                 held.append((link.now_s + self.proxy.delay_s, arrival.content))
+                self.proxy.holding.append(link)
             release_s, content = held[0]
             if (wait_s := min(deadline_s, release_s) - link.now_s) > 0:
                 self.pause(wait_s)
             if link.now_s < release_s:
                 return None
             held.clear()
+            self.proxy.holding.remove(link)
             return Arrival(self.now_ns, content)
 
         link.receive = delayed  # type: ignore[method-assign] # the proxy

@@ -58,7 +58,7 @@ def test_every_kind_occurs(seed_of_run: int) -> None:
     drawn = _drawn_with(seed_of_run)
     found = [each for program in drawn for each in _statements(program.block)]
     assert {type(each) for _, each in found} == {Assign, Calculate, Flip, If, Pass, Put, Wait}
-    assert {depth for depth, _ in found} == {0, 1, 2, 3}
+    assert {depth for depth, _ in found} == {0, 1, 2, 3, 4, 5}
     branches = [each for _, each in found if isinstance(each, If)]
     sums = [each for _, each in found if isinstance(each, Calculate) and each.key != SUM]
     kinds = {ValueType.NUMBER, ValueType.VARIABLE, ValueType.INPUT_PORT}
