@@ -17,7 +17,7 @@ demo: $(READY)
 	rm -rf reports/out/demo
 	$(BIN)/scaraspec demo --out reports/out/demo
 
-# Eight to ten minutes on two processors; five is the aim.
+# Under five minutes on two processors without other load.
 test: check
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
