@@ -78,7 +78,8 @@ def build(  # noqa: PLR0913 - one for each option
     if left := due - verdicts.total():
         verdicts["interrupted"] = left
     found = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
-    click.echo(f"{work.total} captures: {work.unchanged} unchanged{found and f', {found}'}")
+    captures = "1 capture" if work.total == 1 else f"{work.total} captures"
+    click.echo(f"{captures}: {work.unchanged} unchanged{found and f', {found}'}")
     if verdicts[UNREADABLE] or verdicts["not stored"] or left:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 

@@ -112,7 +112,7 @@ def test_a_second_build_judges_only_what_has_changed(tmp_path: Path) -> None:
     assert build(captures, store).stdout == "2 captures: 2 unchanged\n"
     (captures / "complaint-2.pcapng").unlink()
     shutil.copy(_FIELD / "plant-a-morning-shift.pcapng", captures / "complaint-1.pcapng")
-    assert build(captures, store).stdout == "1 captures: 0 unchanged, 1 no-violation-found\n"
+    assert build(captures, store).stdout == "1 capture: 0 unchanged, 1 no-violation-found\n"
     assert len(rows(store, "FROM files")) == 2
     names = {Path(row["file"]).name for row in rows(store, "FROM exchanges")}
     assert names == {"complaint-1.pcapng", "complaint-2.pcapng"}

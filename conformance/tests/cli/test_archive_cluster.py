@@ -269,7 +269,7 @@ def test_a_process_that_is_killed(tmp_path: Path) -> None:
         assert time.monotonic() < ends_s
     os.kill(judging[0], signal.SIGKILL)
     out, _ = build.communicate(timeout=_LIMIT_S)
-    assert (build.returncode, out) == (3, "1 captures: 0 unchanged, 1 unreadable\n")
+    assert (build.returncode, out) == (3, "1 capture: 0 unchanged, 1 unreadable\n")
     shown = run("query", str(tmp_path / "store"), "SELECT notes FROM files")
     assert "the process that judged it was killed" in shown
 
