@@ -4,7 +4,6 @@ The steps of the arm are those of the stop proof. `state_lag` defines which lags
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import Final
 
 from scaraspec.protocol.commands import Pose
@@ -21,7 +20,6 @@ from scaraspec.suite.controller.harness.requests.motion import (
 )
 from scaraspec.suite.controller.harness.state_lag import LONGEST_S, Lag, State
 from scaraspec.suite.engine.deadline import Deadline
-from scaraspec.suite.engine.expectations import NoReply
 
 _MOVE: Final = "set_tool_coordinates"
 _JUDGED: Final = ("4/7", "4/8", "4.8/7", "4.23/5", "4.24/8", "4.27/4")
@@ -115,9 +113,13 @@ def _is_idle_before_result(
     """Wait for the result of a step: whether status and pose showed its end clearly before."""
     idle, deadline = 0, Deadline(subject, subject.longest_s)
     while not deadline.expired:
-        with suppress(NoReply):
-            line.result(_MOVE, within_s=_RESULT_POLL_S)
+        # A poll of the result would count as a late message.
+        arrived = line.wait_for_any(_RESULT_POLL_S)
+        if any(seen.frame.tagged for seen in line.inbox):
+            line.result(_MOVE)
             return idle > 1
+        if arrived:  # something else
+            line.wait(_RESULT_POLL_S)
         idle += line.ask("get_status").value == IDLE and same_place(pose_of(line), target)
     line.result(_MOVE)
     return False
