@@ -109,6 +109,7 @@ class FileSteps(ConnectionSteps):
 
     def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._names[(step.turn + (step.which == 0)) % len(self._names)]
+        name, self._deleted = self._deleted or name, None
         content, writes = self._content(line, step)
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
@@ -237,6 +238,7 @@ class FileSteps(ConnectionSteps):
         self._endless_programs = [each for each in self._endless_programs if each != name]
         if exists and name == self._accepted_default:
             self._accepted_default = self._default = None
+            self._deleted = name
         return f"delete {show(name)}"
 
     def _is_default(self, name: bytes, line: OutgoingConnection) -> bool:

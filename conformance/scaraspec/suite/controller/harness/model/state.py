@@ -150,6 +150,7 @@ class ModelState:
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
         self._writes: dict[bytes, Writes] = {}  # what the programs that end do to the outputs
+        self._deleted: bytes | None = None  # a default program, whose name is used again next
         self._endless_programs: list[bytes] = []
         self._downloading_line: OutgoingConnection | None = None
         self._default: bytes | None = None
