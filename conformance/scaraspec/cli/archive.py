@@ -14,13 +14,12 @@ from rich.console import Console
 from rich.table import Table
 
 from scaraspec.cli.options import capture_port
-from scaraspec.cli.problems import Problem, require_replaceable, unreadable
+from scaraspec.cli.problems import require_replaceable, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.report.translations import Language
 from scaraspec.tables.archive.errors import ArchiveError
-from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec archive build captures --to archive"
 
@@ -164,10 +163,4 @@ def _user_errors() -> Iterator[None]:
     except (ArchiveError, ImportError) as error:
         raise unreadable(error) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{filename} cannot be written: {strerror}",
-                filename=error.filename,
-                strerror=error.strerror,
-            )
-        ) from None
+        raise unwritable(error) from None

@@ -11,7 +11,7 @@ from rich.console import Console
 from scaraspec.api.auditing import audit
 from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
 from scaraspec.cli.options import capture_port, given_options, selection_options
-from scaraspec.cli.problems import Problem, require_replaceable, unreadable
+from scaraspec.cli.problems import Problem, require_replaceable, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
@@ -130,13 +130,7 @@ def command(  # noqa: PLR0913 - one for each option
     except (CaptureError, IcsError, LinkError, ReadingError, UnknownRequirementError) as error:
         raise unreadable(error) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{filename} cannot be written: {strerror}",
-                filename=error.filename,
-                strerror=error.strerror,
-            )
-        ) from None
+        raise unwritable(error) from None
     for note in notes:
         click.echo(visible(f"{files[0]}: {note}"), err=True)
     terminal.show(results, Console())

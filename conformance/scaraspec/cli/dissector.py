@@ -2,9 +2,8 @@
 
 import click
 
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unwritable
 from scaraspec.dissectors import wireshark as lua
-from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec dissector --wireshark --install"
 
@@ -25,9 +24,5 @@ def command(*, wireshark: bool, install: bool) -> None:  # noqa: ARG001 - it nam
     except lua.ForeignFileError as error:
         raise Problem(str(error)) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{path} cannot be written: {reason}", path=error.filename, reason=error.strerror
-            )
-        ) from None
+        raise unwritable(error) from None
     click.echo(f"{path}")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from scaraspec.api.captures import Capture, Step, open_capture
 from scaraspec.cli.options import capture_port, selection_options
-from scaraspec.cli.problems import Problem, unreadable
+from scaraspec.cli.problems import Problem, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus, Finding, Verdict
 from scaraspec.protocol.hazard import Hazard
@@ -128,11 +128,7 @@ def _user_errors() -> Iterator[None]:
             UserMessage("{path} exists: name another folder", path=error.filename)
         ) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{path} cannot be written: {reason}", path=error.filename, reason=error.strerror
-            )
-        ) from None
+        raise unwritable(error) from None
 
 
 class _Rows:

@@ -26,6 +26,16 @@ def unreadable(error: Exception) -> Problem:
     return Problem(str(error), ExitStatus.INCONCLUSIVE if torn else ExitStatus.USAGE)
 
 
+def unwritable(error: OSError, exit_status: ExitStatus = ExitStatus.USAGE) -> Problem:
+    """Return the problem for a file that cannot be written; the error names it."""
+    return Problem(
+        UserMessage(
+            "{path} cannot be written: {reason}", path=error.filename, reason=error.strerror
+        ),
+        exit_status,
+    )
+
+
 def no_such_mutant(mutant_id: str, known: Iterable[str], role: str) -> Problem:
     """Return the problem for an unknown mutant id; it names the most similar ids."""
     near = " or ".join(get_close_matches(mutant_id, known, n=2))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unwritable
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.results.baseline import BaselineError
@@ -54,9 +54,5 @@ def user_errors(*, worse: bool = False) -> Iterator[None]:
     except (ResultsError, BaselineError, WaiverError) as error:
         raise Problem(str(error)) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{file} cannot be written: {reason}", file=error.filename, reason=error.strerror
-            ),
-            ExitStatus.NONCONFORMANT if worse else ExitStatus.INCONCLUSIVE,
-        ) from None
+        status = ExitStatus.NONCONFORMANT if worse else ExitStatus.INCONCLUSIVE
+        raise unwritable(error, status) from None

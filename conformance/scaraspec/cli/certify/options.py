@@ -27,7 +27,7 @@ from scaraspec.api.certify import IncompleteFilesError, StartError
 from scaraspec.api.run_folder import RunFolderError, require_unused
 from scaraspec.certificate.package import SUFFIX
 from scaraspec.cli.options import F, Percentage, Real, given_options
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, unwritable
 from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.cli.results import results_in
 from scaraspec.cli.verify import show
@@ -407,10 +407,4 @@ def user_errors() -> Iterator[None]:
             UserMessage("the suite is broken: {error}", error=error), ExitStatus.INCONCLUSIVE
         ) from None
     except OSError as error:
-        raise Problem(
-            UserMessage(
-                "{filename} cannot be written: {strerror}",
-                filename=error.filename,
-                strerror=error.strerror,
-            )
-        ) from None
+        raise unwritable(error) from None
