@@ -128,6 +128,9 @@ is found late (A-4.15-1) are not included: their own register entries tolerate t
 STATES = FAILURES | {code for code in _CODES if code.kind in (Kind.IDLE, Kind.RUNNING)}
 """Codes that 0x09 may report (A-8-5)."""
 
+BUSY = tuple(code.text for code in _CODES if code.kind is Kind.RUNNING)
+"""The texts of the codes of a robot that executes a command (L1018-1021)."""
+
 REFUSALS = FAILURES | {code for code in _CODES if code.kind in (Kind.RUNNING, Kind.MISSING_FILE)}
 """Codes of a first reply that refuses a command, ``0|code`` (A-8-5)."""
 

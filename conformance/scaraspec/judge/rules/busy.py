@@ -18,6 +18,7 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.judge.rules.two_stage import NOT_STOP
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol import errors
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
@@ -33,8 +34,6 @@ STATE_OF: Final = {
     "jog": "04",
 }
 """The status during each command that has one (L1018-1021); release and lock have none (A-4-5)."""
-
-BUSY: Final = frozenset(STATE_OF.values())
 
 _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000

@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.busy import BUSY
 from scaraspec.judge.rules.clause_3 import untagged_result
 from scaraspec.judge.rules.ports import OUTPUTS
 from scaraspec.judge.rules.rule import (
@@ -15,6 +14,7 @@ from scaraspec.judge.rules.rule import (
     tolerated,
 )
 from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.errors import BUSY
 from scaraspec.traffic.events import Ending, Exchange, UnsolicitedReply
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState

@@ -2,8 +2,9 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.busy import BUSY, STATE_OF, certainly_executes
+from scaraspec.judge.rules.busy import STATE_OF, certainly_executes
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns

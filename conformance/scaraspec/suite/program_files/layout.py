@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.program_files import LAYOUTS, Layout, Program
 from scaraspec.suite.controller.harness.controller_under_test import (
     SILENCE_S,
@@ -17,7 +18,6 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     IDLE,
     is_responsive,
     release_latch,

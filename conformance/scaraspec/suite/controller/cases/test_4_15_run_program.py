@@ -3,11 +3,12 @@
 from hypothesis import example
 from hypothesis import strategies as st
 
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused
-from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
+from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_program_preserved
 from scaraspec.suite.controller.harness.two_stage.commands import (
     BRIEFLY_S,

@@ -1,11 +1,12 @@
 """Clause 4.16: simulate a program (0x31, L330-354)."""
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, stop_motion
+from scaraspec.suite.controller.harness.requests.motion import joints_of, stop_motion
 from scaraspec.suite.controller.harness.requests.ports import (
     outputs,
     outputs_preserved,

@@ -7,6 +7,7 @@ import pytest
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import MoveTarget
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
@@ -24,7 +25,6 @@ from scaraspec.suite.controller.harness.requests.files import (
     upload,
 )
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     SLOWEST_PERCENT,
     arm_returned,
     begin_step_somewhere,

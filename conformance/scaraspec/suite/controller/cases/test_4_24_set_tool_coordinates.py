@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     AXES,
-    BUSY,
     REACHED,
     SLOWEST_PERCENT,
     arm_returned,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
 from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
@@ -21,7 +22,6 @@ from scaraspec.suite.controller.harness.requests.files import (
     upload,
 )
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     IDLE,
     SLOWEST_PERCENT,
     arm_returned,

@@ -10,6 +10,7 @@ from functools import partial
 
 from hypothesis import strategies as st
 
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import serves_one_at_a_time
@@ -35,7 +36,6 @@ from scaraspec.suite.controller.harness.requests.files import (
     upload,
     upload_some_file,
 )
-from scaraspec.suite.controller.harness.requests.motion import BUSY
 from scaraspec.suite.controller.harness.state.preserve import settings_preserved
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of

@@ -13,6 +13,7 @@ from typing import Final
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.suite.controller.harness.state_lag import TOLERATED_S
@@ -41,7 +42,7 @@ _STARTERS: Final = frozenset(
     )
 )
 _EXECUTES: Final = _STARTERS | {_RESET}
-_IDLE, _BUSY = "00", ("01", "02", "03", "04")
+_IDLE = "00"
 _NS: Final = 1e9
 
 
@@ -116,7 +117,7 @@ class StopMonitor:
         if self.failure is None:
             return False
         if opcode == _RESET:
-            return self._status in {"", _IDLE, *_BUSY}
+            return self._status in {"", _IDLE, *BUSY}
         return opcode in _STARTERS or opcode not in BY_OPCODE
 
     def sent(self, connection: str, seen: FrameSeen) -> None:
@@ -208,7 +209,7 @@ class StopMonitor:
         self._status = status
         if status == _IDLE:
             self._executing = {k: v for k, v in self._executing.items() if v > requested_ns}
-        if status not in _BUSY:
+        if status not in BUSY:
             self._refused = None
         elif self.transferring:
             return

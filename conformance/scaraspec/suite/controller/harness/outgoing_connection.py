@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.protocol.commands import BY_NAME, Command, is_known_opcode
 from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
 from scaraspec.report.failed_step import Stage
-from scaraspec.suite.controller.harness.settling import BUSY
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.engine.expectations import NoReply
 from scaraspec.traffic.robot_state import SETTLE_NS, SETTLES, STATE_LAG_NS
@@ -22,7 +23,6 @@ _NS: Final = 1e9
 
 _LONGEST_S: Final = SETTLE_NS / _NS
 _LAG_S: Final = STATE_LAG_NS / _NS
-BUSY: Final = ("01", "02", "03", "04")
 _PLACES: Final = ("get_joint_angles", "get_tool_coordinates")
 _POLL_S: Final = 0.05
 _STARTS: Final = frozenset(

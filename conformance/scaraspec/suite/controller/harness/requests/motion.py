@@ -10,6 +10,7 @@ from typing import Final
 
 from scaraspec.judge.tolerances import STANDSTILL, differences, max_deviation
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
+from scaraspec.protocol.errors import BUSY
 from scaraspec.suite.controller.harness.controller_under_test import (
     MOMENT_S,
     SILENCE_S,
@@ -30,9 +31,6 @@ AXES: Final = ("x", "y", "z", "theta_x")
 REACHED: Final = 1.0
 """The tolerance of a reached pose, in mm or degrees (4.24/8)."""
 SLOWEST_PERCENT: Final = 1
-
-BUSY: Final = ("01", "02", "03", "04")
-"""Statuses of a robot that executes something (L1018-1021)."""
 IDLE: Final = "00"
 
 _POLL_S: Final = 0.05

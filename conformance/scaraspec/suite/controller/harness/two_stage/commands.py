@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import COMMANDS
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.suite.controller.harness.controller_under_test import (
     ControllerUnderTest,
@@ -13,7 +14,6 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     SLOWEST_PERCENT,
     move_target,
     pose_of,

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 from scaraspec.judge.tolerances import STANDSTILL, max_deviation
 from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.errors import BUSY
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     SLOWEST_PERCENT,
     arm_returned,
     move_target,

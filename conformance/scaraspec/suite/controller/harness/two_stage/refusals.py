@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.fields import Defect
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.motion import BUSY
 from scaraspec.suite.controller.harness.two_stage.commands import JOG, RELEASE, STOP, try_request
 from scaraspec.suite.controller.harness.two_stage.results import locked_afterwards, wait_for_result
 from scaraspec.suite.controller.harness.two_stage.tasks import Task

@@ -6,13 +6,13 @@ from contextlib import contextmanager, suppress
 from scaraspec.judge.requirements import SUCCESS
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.errors import BUSY
 from scaraspec.suite.controller.harness.controller_under_test import (
     SILENCE_S,
     ControllerUnderTest,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     status_of,
     stop_motion,
     wait_for_end,

@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 
 from scaraspec.judge.tolerances import STANDSTILL
 from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.emergency_stop import EFFECT_S, LATE_S
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     IDLE,
     SLOWEST_PERCENT,
     arm_returned,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.errors import BUSY
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.suite.controller.harness.controller_under_test import (
     MOMENT_S,
@@ -17,7 +18,6 @@ from scaraspec.suite.controller.harness.controller_under_test import (
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
-    BUSY,
     SLOWEST_PERCENT,
     arm_returned,
     begin_step_somewhere,
