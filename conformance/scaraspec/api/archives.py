@@ -1,10 +1,11 @@
 """Archives: judges many captures and stores their tables, which are then queried with SQL."""
 
+import logging
 import multiprocessing
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from datetime import date
@@ -213,18 +214,18 @@ def _in_processes(tasks: Sequence[_Task], jobs: int) -> Iterator[Archived]:
     """
     left = dict.fromkeys(tasks)
     jobs = min(jobs or os.cpu_count() or 1, len(tasks))
+    one_by_one = jobs == 1
     while left:
         try:
-            for task, result in _pool_results([*left], jobs):
+            for task, result in _pool_results([*left], 1 if one_by_one else jobs):
                 del left[task]
                 yield result
         except BrokenProcessPool:
-            if jobs > 1:
-                jobs = 1
-                continue
-            killed = next(iter(left))
-            del left[killed]
-            yield _archive_killed(killed)
+            if one_by_one:
+                killed = next(iter(left))
+                del left[killed]
+                yield _archive_killed(killed)
+            one_by_one = not one_by_one or jobs == 1
 
 
 def _pool_results(tasks: Sequence[_Task], jobs: int) -> Iterator[tuple[_Task, Archived]]:
@@ -252,7 +253,7 @@ def _on_dask(tasks: Sequence[_Task], scheduler: str) -> Iterator[Archived]:
     """Run tasks on the workers of a Dask scheduler; yield each result.
 
     Raises:
-        ArchiveError: The scheduler cannot be reached, or all its workers are paused.
+        ArchiveError: The scheduler cannot be reached or has ended, or all its workers are paused.
         ImportError: Dask is not installed.
     """
     if not tasks:
@@ -261,35 +262,51 @@ def _on_dask(tasks: Sequence[_Task], scheduler: str) -> Iterator[Archived]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise ImportError("--scheduler needs the extra: pip install 'scaraspec[dask]'") from None
+    # It logs tracebacks of what is reported in one sentence here; each of its loggers has a level.
+    for name in [*logging.root.manager.loggerDict]:
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(scheduler, timeout=_CHECK_S)
     except (OSError, ValueError) as error:
         raise ArchiveError(
             UserMessage("{scheduler} cannot be reached: {error}", scheduler=scheduler, error=error)
         ) from None
-    paused = 0
     with client:
-        pending = {client.submit(_archive, task, pure=False): task for task in tasks}
-        while pending:
+        try:
+            yield from _dask_results(distributed, client, tasks)
+        except CancelledError:
+            raise ArchiveError(
+                UserMessage("{scheduler} has ended: start the build again", scheduler=scheduler)
+            ) from None
+
+
+def _dask_results(distributed: Any, client: Any, tasks: Sequence[_Task]) -> Iterator[Archived]:
+    """Submit tasks, and yield each result.
+
+    Raises:
+        ArchiveError: All workers are paused.
+        CancelledError: The scheduler has ended.
+    """
+    paused = 0
+    pending = {client.submit(_archive, task, pure=False): task for task in tasks}
+    while pending:
+        try:
+            done, _ = distributed.wait([*pending], timeout=_CHECK_S, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            paused = paused + 1 if _all_paused(client) else 0
+            if paused == _PAUSED_CHECKS:
+                client.cancel([*pending])
+                raise ArchiveError(
+                    "all workers of the scheduler are paused: give them more memory"
+                ) from None
+            continue
+        for future in done:
+            task = pending.pop(future)
             try:
-                done = distributed.wait(
-                    [*pending], timeout=_CHECK_S, return_when="FIRST_COMPLETED"
-                ).done
-            except TimeoutError:
-                paused = paused + 1 if _all_paused(client) else 0
-                if paused == _PAUSED_CHECKS:
-                    client.cancel([*pending])
-                    raise ArchiveError(
-                        UserMessage(
-                            "all workers of {scheduler} are paused: give them more memory",
-                            scheduler=scheduler,
-                        )
-                    ) from None
-                continue
-            for future in done:
-                task = pending.pop(future)
-                finished = future.status == "finished"
-                yield future.result() if finished else _archive_killed(task)
+                yield future.result()
+            except distributed.KilledWorker:
+                yield _archive_killed(task)
 
 
 def _all_paused(client: Any) -> bool:

@@ -5,17 +5,19 @@ Run by `make test-archive`: these tests start the servers, on loopback.
 
 import csv
 import io
-import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import pytest
@@ -34,45 +36,79 @@ _BIN = Path(sys.executable).parent
 _QUERY = re.compile(r"^scaraspec archive query s3://robots/archive \"(.*)\"$", re.MULTILINE)
 
 
+class Server:
+    """A process that prints lines.
+
+    Args:
+        command: The program in the virtual environment, and its arguments.
+    """
+
+    def __init__(self, *command: str) -> None:
+        self._lines = SimpleQueue[str]()
+        self.process = subprocess.Popen(
+            [_BIN / command[0], *command[1:]],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        with self.process.stdout as output:
+            for line in output:
+                self._lines.put(line)
+
+    def until(self, pattern: str) -> str:
+        """Wait for a line with this pattern; return its first group, or the match."""
+        while not (found := re.search(pattern, self._lines.get(timeout=_LIMIT_S))):
+            pass
+        return found[found.re.groups and 1]
+
+    def kill(self) -> None:
+        """End the process and its children."""
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        self._reader.join()
+
+
 @pytest.fixture(scope="module")
-def start(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
-    """Start a server; it ends with the tests. Its output is in a file, which is returned."""
-    folder = tmp_path_factory.mktemp("servers")
+def start() -> Iterator[Callable[..., Server]]:
+    """Start a server, which ends with the tests."""
     with ExitStack() as running:
 
-        def start(*command: str) -> Path:
-            log = folder / f"{len(list(folder.iterdir()))}.log"
-            with log.open("wb") as output:
-                process = subprocess.Popen(
-                    [_BIN / command[0], *command[1:]],
-                    stdout=output,
-                    stderr=subprocess.STDOUT,
-                    cwd=folder,
-                    start_new_session=True,
-                )
-            running.callback(process.wait, _LIMIT_S)
-            running.callback(os.killpg, process.pid, signal.SIGKILL)
-            return log
+        def start(*command: str) -> Server:
+            server = Server(*command)
+            running.callback(server.kill)
+            return server
 
         yield start
 
 
-def until(text: str, log: Path, count: int = 1) -> str:
-    """Wait until a server has printed this pattern so often; return its first group."""
-    ends_s = time.monotonic() + _LIMIT_S
-    while len(found := re.findall(text, log.read_text())) < count:
-        assert time.monotonic() < ends_s, log.read_text()
-        time.sleep(0.1)
-    return str(found[0])
+def start_scheduler(start: Callable[..., Server]) -> tuple[Server, str]:
+    """Start a Dask scheduler; return it and its URL."""
+    server = start("dask", "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    return server, server.until(r"Scheduler at: *(tcp://[\d.:]+)")
+
+
+def start_workers(start: Callable[..., Server], url: str, *options: str) -> Server:
+    """Start Dask workers."""
+    common = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard")
+    server = start("dask", "worker", url, *common, *options)
+    server.until("Registered to")
+    return server
 
 
 @pytest.fixture(scope="module")
-def cloud(start: Callable[..., Any]) -> Iterator[Any]:
+def cloud(start: Callable[..., Server]) -> Iterator[Any]:
     """The bucket `robots` on an S3 server, as an fsspec file system."""
     import s3fs  # type: ignore[import-untyped]  # noqa: PLC0415 - it ships no types; only these tests need it
 
-    log = start("moto_server", "--host", "127.0.0.1", "--port", "0")
-    url = until(r"Running on (http://[\d.:]+)", log)
+    server = start("moto_server", "--host", "127.0.0.1", "--port", "0")
+    url = server.until(r"Running on (http://[\d.:]+)")
     with pytest.MonkeyPatch.context() as patch:
         for name, value in {
             "AWS_ENDPOINT_URL": url,
@@ -87,21 +123,14 @@ def cloud(start: Callable[..., Any]) -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def scheduler(cloud: Any, start: Callable[..., Any]) -> tuple[str, Path]:  # noqa: ARG001 - the workers need its environment
-    """The URL of a Dask scheduler with two worker processes, and the output of the workers."""
-    url = until(
-        r"Scheduler at: *(tcp://[\d.:]+)",
-        start("dask", "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"),
-    )
-    workers = start(
-        *("dask", "worker", url, "--host", "127.0.0.1", "--nworkers", "2", "--nthreads", "1"),
-        *("--no-dashboard", "--memory-limit", "1GiB"),
-    )
-    until("Registered to", workers, count=2)
-    return url, workers
+def scheduler(cloud: Any, start: Callable[..., Server]) -> str:  # noqa: ARG001 - the workers need its environment
+    """The URL of a Dask scheduler with two worker processes."""
+    _, url = start_scheduler(start)
+    start_workers(start, url, "--nworkers", "2", "--memory-limit", "1GiB").until("Registered to")
+    return url
 
 
-def run(*arguments: str, status: int = 0) -> str:
+def run(*arguments: str, status: int = 0) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
         [_BIN / "scaraspec", "archive", *arguments],
         capture_output=True,
@@ -110,15 +139,26 @@ def run(*arguments: str, status: int = 0) -> str:
         check=False,
     )
     assert done.returncode == status, done.stdout + done.stderr
-    return done.stdout
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def begin_build(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [_BIN / "scaraspec", "archive", "build", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def rows(sql: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(run("query", "s3://robots/archive", sql, "--csv"))))
+    out = run("query", "s3://robots/archive", sql, "--csv").stdout
+    return list(csv.DictReader(io.StringIO(out)))
 
 
 @pytest.fixture(scope="module")
-def built(cloud: Any, scheduler: tuple[str, Path]) -> str:
+def built(cloud: Any, scheduler: str) -> str:
     """What a build prints while one of the workers is killed."""
     for number in range(37):
         name = _GOOD[number % len(_GOOD)]
@@ -128,27 +168,20 @@ def built(cloud: Any, scheduler: tuple[str, Path]) -> str:
     cloud.pipe_file("robots/captures/line-0/torn.pcapng", whole[:-1000])
     cloud.pipe_file("robots/captures/line-0/corrupt.pcap", bytes(range(256)))
     cloud.pipe_file("robots/captures/line-0/empty.mcap", b"")
-    url, log = scheduler
-    build = subprocess.Popen(
-        [
-            *(_BIN / "scaraspec", "archive", "build", "s3://robots/captures"),
-            *("--to", "s3://robots/archive", "--scheduler", url),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
+    build = begin_build(
+        "s3://robots/captures", "--to", "s3://robots/archive", "--scheduler", scheduler
     )
     ends_s = time.monotonic() + _LIMIT_S
     while len(cloud.glob("robots/archive/files/*/*/*")) < 3:
         assert time.monotonic() < ends_s
         cloud.invalidate_cache()
-    worker = _worker_processes(log)[0]
-    os.kill(worker, signal.SIGKILL)
+    os.kill(_worker_processes()[0], signal.SIGKILL)
     out, _ = build.communicate(timeout=_LIMIT_S)
     assert build.returncode == 3
     return str(out)
 
 
-def _worker_processes(log: Path) -> list[int]:
+def _worker_processes() -> list[int]:
     """The processes of the workers: the children of the nanny that listen for tasks."""
     nannies = [
         int(entry.name)
@@ -162,7 +195,7 @@ def _worker_processes(log: Path) -> list[int]:
         for child in _read(task / "children").split()
     ]
     found = [pid for pid in children if b"spawn_main" in _read(Path(f"/proc/{pid}/cmdline"))]
-    assert found, log.read_text()
+    assert found
     return found
 
 
@@ -205,12 +238,12 @@ def test_findings_are_those_of_audit(name: str) -> None:
 
 
 @pytest.mark.usefixtures("built")
-def test_a_second_build_does_nothing(scheduler: tuple[str, Path]) -> None:
-    out = run(
+def test_a_second_build_does_nothing(scheduler: str) -> None:
+    done = run(
         *("build", "s3://robots/captures", "--to", "s3://robots/archive"),
-        *("--scheduler", scheduler[0]),
+        *("--scheduler", scheduler),
     )
-    assert out == "40 captures: 40 unchanged\n"
+    assert done.stdout == "40 captures: 40 unchanged\n"
 
 
 @pytest.mark.usefixtures("built")
@@ -229,48 +262,71 @@ def test_the_report(tmp_path: Path) -> None:
     assert "s3://robots/captures/line-0/corrupt.pcap" in page.read_text("utf-8")
 
 
-def test_a_scheduler_that_is_not_there(cloud: Any) -> None:
-    """One sentence, and the archive is unchanged."""
-    cloud.pipe_file("robots/one/line-9/a.pcapng", (_FIELD / "complaint-1.pcapng").read_bytes())
-    done = subprocess.run(
-        [
-            *(_BIN / "scaraspec", "archive", "build", "s3://robots/one"),
-            *("--to", "s3://robots/other", "--scheduler", "tcp://127.0.0.1:9"),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=_LIMIT_S,
-        check=False,
+@pytest.fixture
+def captures(tmp_path: Path) -> Path:
+    """A folder with many captures."""
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    for number in range(20):
+        for name in _GOOD:
+            shutil.copy(_FIELD / f"{name}.pcapng", folder / f"{number}-{name}.pcapng")
+    return folder
+
+
+def test_a_scheduler_that_is_not_there(captures: Path, tmp_path: Path) -> None:
+    """One sentence, and the archive is empty."""
+    store = tmp_path / "store"
+    refused = ("build", f"{captures}", "--to", f"{store}", "--scheduler", "tcp://127.0.0.1:9")
+    assert "tcp://127.0.0.1:9 cannot be reached" in run(*refused, status=2).stderr
+    assert [path.name for path in store.iterdir()] == ["scaraspec-archive.json"]
+
+
+def test_a_scheduler_that_ends(
+    captures: Path, tmp_path: Path, start: Callable[..., Server]
+) -> None:
+    """One sentence; the next build archives the rest."""
+    server, url = start_scheduler(start)
+    start_workers(start, url)
+    store = tmp_path / "store"
+    build = begin_build(f"{captures}", "--to", f"{store}", "--scheduler", url)
+    ends_s = time.monotonic() + _LIMIT_S
+    while not list(store.glob("files/*/*/*.parquet")):
+        assert time.monotonic() < ends_s
+    server.kill()
+    _, errors = build.communicate(timeout=_LIMIT_S)
+    assert build.returncode == 2
+    assert f"{url} has ended: start the build again" in errors
+    assert "Traceback" not in errors
+    run("build", f"{captures}", "--to", f"{store}")
+    count = "SELECT count(*), count(DISTINCT file) FROM files"
+    assert run("query", f"{store}", count, "--csv").stdout.splitlines()[1] == "100,100"
+
+
+def test_workers_without_memory(
+    captures: Path, tmp_path: Path, start: Callable[..., Server]
+) -> None:
+    """The build does not wait forever."""
+    _, url = start_scheduler(start)
+    start_workers(start, url, "--no-nanny", "--memory-limit", "100MB")
+    done = run(
+        "build", f"{captures}", "--to", f"{tmp_path / 'store'}", "--scheduler", url, status=2
     )
-    assert done.returncode == 2
-    assert "tcp://127.0.0.1:9 cannot be reached" in done.stderr
-    assert "Traceback" not in done.stderr
-    cloud.invalidate_cache()
-    assert json.loads(cloud.cat_file("robots/other/scaraspec-archive.json"))
-    assert len(cloud.find("robots/other")) == 1
+    assert "all workers of the scheduler are paused" in done.stderr
 
 
 def test_a_process_that_is_killed(tmp_path: Path) -> None:
     """Without Dask: the capture whose process was killed has a row with this reason."""
-    captures = tmp_path / "captures"
+    captures, store = tmp_path / "captures", f"{tmp_path / 'store'}"
     captures.mkdir()
-    large = (_FIELD / "complaint-3.pcapng").read_bytes()
-    (captures / "complaint-3.pcapng").write_bytes(large)
-    build = subprocess.Popen(
-        [
-            *(_BIN / "scaraspec", "archive", "build", str(captures)),
-            *("--to", str(tmp_path / "store"), "--jobs", "1"),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    shutil.copy(_FIELD / "complaint-3.pcapng", captures)
+    build = begin_build(f"{captures}", "--to", store, "--jobs", "1")
     ends_s = time.monotonic() + _LIMIT_S
     while not (judging := [pid for pid in _children(build.pid) if _judges(pid)]):
         assert time.monotonic() < ends_s
     os.kill(judging[0], signal.SIGKILL)
     out, _ = build.communicate(timeout=_LIMIT_S)
     assert (build.returncode, out) == (3, "1 capture: 0 unchanged, 1 unreadable\n")
-    shown = run("query", str(tmp_path / "store"), "SELECT notes FROM files")
+    shown = run("query", store, "SELECT notes FROM files").stdout
     assert "the process that judged it was killed" in shown
 
 

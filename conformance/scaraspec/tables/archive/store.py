@@ -122,7 +122,7 @@ class Store:
             if not self.fs.exists(mark):
                 self._create(mark, create=create)
         except (OSError, ImportError, ValueError) as error:
-            raise unusable(url, error) from None
+            raise _unusable(url, error) from None
 
     def _create(self, mark: str, *, create: bool) -> None:
         if not create:
@@ -241,7 +241,7 @@ def find_sources(urls: Sequence[str], is_capture: Callable[[str], bool]) -> Iter
             else:
                 found = {p: fs.info(p) for p in fs.glob(path)}
         except (OSError, ImportError, ValueError) as error:
-            raise unusable(url, error) from None
+            raise _unusable(url, error) from None
         if not found:
             raise ArchiveError(UserMessage("{url} has no capture", url=url))
         for path, info in sorted(found.items()):
@@ -265,11 +265,11 @@ def download(source: Source, folder: str) -> str:
         copy = f"{folder}/{PurePosixPath(path).name}"
         fs.get_file(path, copy)
     except (OSError, ImportError) as error:
-        raise unusable(source.url, error) from None
+        raise _unusable(source.url, error) from None
     return copy
 
 
-def unusable(url: str, error: Exception) -> ArchiveError:
+def _unusable(url: str, error: Exception) -> ArchiveError:
     """Return the error for a store or source that cannot be used."""
     reason = getattr(error, "strerror", None) or f"{error}" or type(error).__name__
     return ArchiveError(UserMessage("{url} cannot be used: {reason}", url=url, reason=reason))
