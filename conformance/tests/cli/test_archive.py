@@ -12,7 +12,8 @@ from click.testing import CliRunner, Result
 
 from scaraspec.api.auditing import audit
 from scaraspec.cli.main import group
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.cli.problems import Problem
+from scaraspec.judge.verdicts import ExitStatus, Verdict
 from scaraspec.tables.archive.store import PartName, Source, Store
 from scaraspec.tables.files import TableFolder
 from scaraspec.tables.schema import FileRow
@@ -209,7 +210,8 @@ def test_user_errors(
     shutil.copy(_FIELD / "complaint-1.pcapng", tmp_path / "a.pcapng")
     names = {"store": built[1], "folder": tmp_path}
     done = run(*(each.format(**names) for each in arguments))
-    assert isinstance(done.exception, Exception)
+    assert isinstance(done.exception, Problem)
+    assert done.exception.exit_status is ExitStatus.USAGE
     assert sentence in str(done.exception)
     assert [path.name for path in tmp_path.iterdir()] == ["a.pcapng"]
 

@@ -112,7 +112,7 @@ def _mcap(drawn: random.Random) -> bytes:
             builder = RecordBuilder()
             for part in breakup_chunk(record, validate_crc=False):
                 part.write(builder)
-            data = mutated(builder.end(), drawn)  # type: ignore[no-untyped-call]
+            data = mutated(builder.end(), drawn)  # type: ignore[no-untyped-call] # mcap has no types here
             times = record.message_start_time, record.message_end_time
             changed = Chunk("", data, *times, zlib.crc32(data), len(data))
             changed.write(written)
@@ -121,7 +121,7 @@ def _mcap(drawn: random.Random) -> bytes:
     DataEnd(0).write(written)
     Footer(0, 0, 0).write(written)
     written.write(MAGIC)
-    return bytes(written.end())  # type: ignore[no-untyped-call]
+    return bytes(written.end())  # type: ignore[no-untyped-call] # mcap has no types here
 
 
 INTACT: dict[str, Callable[[random.Random], bytes]] = {
