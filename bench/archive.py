@@ -49,8 +49,8 @@ def main() -> None:
     """Print the cost of building, then of querying."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10, help="traffic of each capture")
-    parser.add_argument("--captures", type=int, default=4)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--captures", type=int, default=2)
+    parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--robot-days", type=int, default=1_500)
     parser.add_argument("--exchanges", type=int, default=20_000, help="rows of each robot-day")
     chosen = parser.parse_args()
