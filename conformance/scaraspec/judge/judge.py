@@ -232,8 +232,9 @@ class Judge:
         """
 
         def may_depend(finding: Finding) -> bool:
-            several, last = len(finding.evidence) > 1, finding.evidence[-1]
-            return several and last.connection != gap.connection and last.time_ns > since_ns
+            *earlier, last = finding.evidence or (_NOWHERE,)
+            beside = last.connection != gap.connection
+            return bool(earlier) and beside and last.time_ns > since_ns
 
         self._discredit(_GAP_BESIDE, may_depend)
 

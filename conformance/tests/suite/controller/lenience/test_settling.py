@@ -22,32 +22,44 @@ _REFUSED = frozenset(
 )
 
 
+class RefusesAfterResult(ControllerCore):
+    """For a time after each final result, commands are refused as busy; the status is 00.
+
+    Attributes:
+        settle_s: The time in seconds.
+        after: The commands after whose results it does so.
+    """
+
+    settle_s = 0.09
+    after = frozenset(BY_NAME)
+    _now_s = _until_s = 0.0
+
+    def _finish_tasks(self, now_s: float) -> None:
+        self._now_s = now_s
+        super()._finish_tasks(now_s)
+
+    def send_result(self, request: Request, outcome: Outcome) -> None:
+        super().send_result(request, outcome)
+        if request.command.name in self.after:
+            self._until_s = max(self._now_s, request.now_s) + self.settle_s
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        if now_s < self._until_s and self.robot.task is None and frame.opcode in _REFUSED:
+            self.emit(session, Frame(C2A, frame.opcode, b"0|04"))
+        else:
+            super().handle(session, frame, now_s)
+
+
+class IsBusyAfterResult(RefusesAfterResult):
+    """Like the base class, and the status is 04 for this time."""
+
+    def get_status(self, request: Request) -> str:
+        return "04" if request.now_s < self._until_s else super().get_status(request)
+
+
 def settling(settle_s: float, *commands: str) -> type[ControllerCore]:
-    """Return a robot whose status is 04 for a time after these commands; it refuses others."""
-
-    class Settles(ControllerCore):
-        _now_s = _until_s = 0.0
-
-        def _finish_tasks(self, now_s: float) -> None:
-            self._now_s = now_s
-            super()._finish_tasks(now_s)
-
-        def send_result(self, request: Request, outcome: Outcome) -> None:
-            super().send_result(request, outcome)
-            if request.command.name in commands:
-                self._until_s = max(self._now_s, request.now_s) + settle_s
-
-        def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-            settles = now_s < self._until_s and self.robot.task is None
-            if settles and frame.opcode in _REFUSED:
-                self.emit(session, Frame(C2A, frame.opcode, b"0|04"))
-            else:
-                super().handle(session, frame, now_s)
-
-        def get_status(self, request: Request) -> str:
-            return "04" if request.now_s < self._until_s else super().get_status(request)
-
-    return Settles
+    """Return a robot that is busy for a time after these commands."""
+    return type("Settles", (IsBusyAfterResult,), {"settle_s": settle_s, "after": set(commands)})
 
 
 @pytest.mark.parametrize("commands", [("emergency_stop", "reset"), ("reset",)])
@@ -64,33 +76,6 @@ def test_robot_that_does_not_settle(run_cases: RunCases) -> None:
     """A robot that is busy for longer after a stop or a reset fails."""
     assert "4.17/4" in run_cases(settling(3.0, "emergency_stop"), "4.17/4").violated
     assert "4/7" in run_cases(settling(3.0, "reset"), "4.18/4").violated
-
-
-class RefusesAfterResult(ControllerCore):
-    """For 90 ms after each final result, commands are refused as busy; the status is 00."""
-
-    _now_s = _until_s = 0.0
-
-    def _finish_tasks(self, now_s: float) -> None:
-        self._now_s = now_s
-        super()._finish_tasks(now_s)
-
-    def send_result(self, request: Request, outcome: Outcome) -> None:
-        super().send_result(request, outcome)
-        self._until_s = max(self._now_s, request.now_s) + 0.09
-
-    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
-        if now_s < self._until_s and self.robot.task is None and frame.opcode in _REFUSED:
-            self.emit(session, Frame(C2A, frame.opcode, b"0|04"))
-        else:
-            super().handle(session, frame, now_s)
-
-
-class IsBusyAfterResult(RefusesAfterResult):
-    """Like the base class, and the status is 04 for this time."""
-
-    def get_status(self, request: Request) -> str:
-        return "04" if request.now_s < self._until_s else super().get_status(request)
 
 
 class RefusesAlways(RefusesAfterResult):
