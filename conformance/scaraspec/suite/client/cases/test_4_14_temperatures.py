@@ -22,6 +22,8 @@ _SETTING: Final = "set_default_program"
 _AS_PRINTED: Final = Frame(C2A, 0x0E, b"20|38|34|22")
 _TEMPERATURES: Final = {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22}
 _SHORT_S: Final = 0.1
+_IGNORED_S: Final = 1.0
+"""A client on a busy machine that has not answered after this time has ignored the reply."""
 _texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") | st.integers(
     -40, 150
 ).map(str)
@@ -69,13 +71,13 @@ def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The temperatures arrive with opcode 0x0E, and with 0x0F if the client ignores 0x0E."""
     call, _ = request_operation(subject, line, _NAME)
     line.send_frame(_AS_PRINTED)
-    line.wait(_SHORT_S)
-    if call.answer is not None and not call.ok:
+    answered = subject.answers_within(call, _IGNORED_S)
+    if answered and not call.ok:
         subject.tolerate(
             "4.14/4", "op_temp_reply", "0x0F", "the client rejects temperatures with opcode 0x0E"
         )
         return
-    if call.answer is None:
+    if not answered:
         subject.tolerate(
             "4.14/4", "op_temp_reply", "0x0F", "the client ignores temperatures with opcode 0x0E"
         )
@@ -113,8 +115,7 @@ def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
         frames = [_AS_PRINTED, Frame(C2A, 0x0E, b"1")]
         for frame in reversed(frames) if swapped else frames:
             line.send_frame(frame)
-        line.wait(_SHORT_S)
-        if asking.answer is None:
+        if not subject.answers_within(asking, _IGNORED_S):
             message = "the client ignores temperatures with opcode 0x0E"
             subject.tolerate("4.14/4", "op_temp_reply", "0x0F", message)
             line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
