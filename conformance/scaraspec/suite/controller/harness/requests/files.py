@@ -31,6 +31,7 @@ _PLAIN: Final = re.compile(rb"[A-Za-z0-9]+\.[A-Za-z]+")
 _TRANSFER: Final = range(0x50, 0x57)
 _NO_PROGRAM: Final = b"!"
 _MOST_BYTES: Final = 2**20
+_SMALL_BYTES: Final = 4096  # every store has room for such a file
 _MOST_CHUNKS: Final = 2000  # of a file of at most `_MOST_BYTES`
 
 
@@ -48,6 +49,10 @@ class StoreFull(CaseSkipped):
     def __init__(self, deleted: bytes) -> None:
         super().__init__("the store is full: it has no place for another file")
         self.deleted = deleted
+
+
+class NoRoom(CaseSkipped):
+    """The subject refuses a large file; the cases of 5.2/16 judge whether it may (A-5-25)."""
 
 
 class ContentRefused(CaseSkipped):
@@ -181,10 +186,18 @@ def send_chunk(
         CaseFailed: The subject refuses the chunk.
         CaseInconclusive: The suite sent the chunk so late that the transfer may have ended.
         ContentRefused: The subject stores only valid programs.
+        NoRoom: The subject refuses the first chunk of a large file.
     """
     answer = line.ask("upload_chunk", chunk, within_s=line.chunk_timeout_s)
     if not answer.accepted:
         line.require_timely()
+        if chunk.position == 0 and chunk.file_size > _SMALL_BYTES:
+            raise NoRoom(
+                UserMessage(
+                    "the subject has no room for a file of {size_bytes} bytes",
+                    size_bytes=chunk.file_size,
+                )
+            )
         require_any_content(line)
     expect(
         answer.accepted,
