@@ -1,5 +1,6 @@
 """`scaraspec view`: open a capture in the Rerun viewer."""
 
+import math
 import os
 import signal
 import socket
@@ -7,7 +8,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
+from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +22,7 @@ from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.report.model import Results, ResultsError
 from scaraspec.report.root_causes import summary
 from scaraspec.report.sanitizing import visible
 from scaraspec.user_message import UserMessage
@@ -31,6 +35,7 @@ from scaraspec_recorder.sources.capture import McapCapture, open_capture
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
 
 _RRD_MAGIC: Final = b"RRF2"
+_NS: Final = 1_000_000_000
 _OPENING_S: Final = 60.0
 _AGAIN_S: Final = 0.2
 
@@ -53,7 +58,8 @@ def command(file: Path, port: int | None, at_ns: int | None, finding: int | None
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
     A missing .rrd is written first: for an intact recording beside it, for other captures into a
-    temporary file. FILE is never changed. A recording in progress is shown as far as it has been
+    temporary file. With results.json beside the capture of a certification, a lane shows the case
+    that runs. FILE is never changed. A recording in progress is shown as far as it has been
     written. The command ends when the viewer is closed. Exit status 3 if FILE is incomplete.
     """
     if not has_viewer():
@@ -96,8 +102,8 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
     with suppress(OSError), file.open("rb") as opened:
         if opened.read(len(_RRD_MAGIC)) == _RRD_MAGIC:
             return file, True
-    capture = open_capture(file, port=port)
-    if isinstance(capture, McapCapture):
+    capture, cases = open_capture(file, port=port), [*_cases(file)]
+    if isinstance(capture, McapCapture) and not cases:
         try:
             with locked_folder(file.resolve().parent):
                 drawn, summary = file.with_suffix(".rrd"), inspect(file)
@@ -105,10 +111,27 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
                     return (drawn if has_complete_rrd(drawn) else rebuild_rrd(file)), True
         except OSError as error:
             click.echo(f"{file} is drawn elsewhere: {error.strerror or error}", err=True)
-    write_rrd(capture, scratch, needs_login=capture.needs_login)
+    write_rrd(capture, scratch, needs_login=capture.needs_login, cases=cases)
     for note in capture.summary.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
     return scratch, capture.summary.complete
+
+
+def _cases(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield when each case began, with its id, and when it ended, if a certification made FILE."""
+    try:
+        results = Results.read(file.with_name("results.json"))
+    except ResultsError:
+        return
+    if results.subject.file != file.name:
+        return
+    cases = sorted((case for case in results.cases if case.begin_ns), key=attrgetter("begin_ns"))
+    following_ns = (*(case.begin_ns for case in cases[1:]), math.inf)
+    for case, next_ns in zip(cases, following_ns, strict=False):
+        yield case.begin_ns, case.id
+        end_ns = case.begin_ns + round(case.duration_s * _NS)
+        if end_ns < next_ns:
+            yield end_ns, ""
 
 
 def _show(drawn: Path, at_ns: int | None) -> None:

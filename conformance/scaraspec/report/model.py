@@ -180,6 +180,8 @@ class Case:
         expected: The expected behaviour.
         observed: The observed behaviour.
         duration_s: The duration in seconds; 0 for a finding in a capture.
+        begin_ns: When the case began, in nanoseconds since the Unix epoch, on the clock of the
+            capture; 0 for a finding in a capture.
         examples: The number of values tried, each with its own verdict; 0 for a single try.
         replay: The reproduction command.
         wire: The evidence, in order of time within each occurrence.
@@ -223,6 +225,7 @@ class Case:
     operator: tuple[OperatorRequest, ...] = ()
     side: Side | None = None
     moment: Evidence | None = None
+    begin_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)

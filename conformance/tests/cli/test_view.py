@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import rerun_cli  # type: ignore[import-untyped] # it ships no types
+from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from scaraspec_recorder.sources.capture import open_capture
@@ -68,6 +69,29 @@ def test_a_recording_is_drawn_beside_it(
     assert (again.returncode, again.stderr) == (0, "")
     assert processes.run("view", str(drawn)).returncode == 0
     assert (viewed(shown), drawn.stat().st_mtime_ns) == (str(drawn), stamp)
+
+
+def test_the_capture_of_a_certification_shows_the_case(
+    processes: Any, shown: Path, tmp_path: Path
+) -> None:
+    """A lane shows the case that runs; the files of the run are not changed."""
+    host, port = processes.controller()
+    out = tmp_path / "out"
+    url = f"tcp://{host}:{port}"
+    done = processes.run("certify", "controller", url, "--only", "4.7", "--out", f"{out}")
+    assert done.returncode == 0, done.stderr
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    assert processes.run("view", f"{out / 'capture.mcap'}").returncode == 0
+    assert not Path(viewed(shown)).exists()
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+    lane = [
+        chunk.to_record_batch()
+        for chunk in RrdReader(shown / "drawn").stream().to_chunks()
+        if chunk.entity_path == "/state/case" and not chunk.is_static
+    ]
+    cases = [case for batch in lane for (case,) in batch.column("StateChange:state").to_pylist()]
+    assert [case for case in cases if case] == ["4.7/2", "4.7/4"]
+    assert cases[-1] == ""
 
 
 def test_a_truncated_recording_is_not_changed(

@@ -107,7 +107,7 @@ def test_public_keys(full: Results) -> None:
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
             *("observed", "duration_s", "examples", "replay", "wire", "passing"),
             *("attempts", "reason", "lines", "fingerprint", "title", "step"),
-            *("date", "sittings", "operator", "side", "moment"),
+            *("date", "sittings", "operator", "side", "moment", "begin_ns"),
         }
         for case in plain["cases"]
     )

@@ -52,8 +52,21 @@ def capture_sink(  # noqa: PLR0913 - independent options
     return Decoder(marked, Judge(needs_login=needs_login), redactor, ClockWatch())
 
 
-def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:
+def write_rrd(
+    events: Iterable[WireEvent],
+    path: Path,
+    *,
+    needs_login: bool = True,
+    cases: Iterable[tuple[int, str]] = (),
+) -> None:
     """Write an existing capture of any format to a new .rrd file.
+
+    Args:
+        events: The capture.
+        path: The file.
+        needs_login: False for a serial link (L83).
+        cases: For the capture of a certification, the times in nanoseconds since the Unix epoch at
+            which a case began, with its id, or at which it ended, with an empty text; in order.
 
     Raises:
         CaptureError: `events` cannot be read.
@@ -62,7 +75,9 @@ def write_rrd(events: Iterable[WireEvent], path: Path, *, needs_login: bool = Tr
     """
     from scaraspec_recorder.sinks.rerun.rerun_sink import RerunSink  # noqa: PLC0415 - an optional extra
 
-    decoder = Decoder([RerunSink.to_file(path)], Judge(needs_login=needs_login))
+    sink = RerunSink.to_file(path)
+    sink.draw_cases(cases)
+    decoder = Decoder([sink], Judge(needs_login=needs_login))
     for event in events:
         decoder.write(event)
     decoder.close()

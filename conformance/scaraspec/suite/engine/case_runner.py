@@ -371,6 +371,7 @@ class CaseRunner(CaseCollector):
         duration_s = (subject.now_ns - begun_ns) / _NS - operator_s(requests)
         return replace(
             outcome,
+            begin_ns=begun_ns,
             duration_s=duration_s,
             examples=tally.examples,
             frames=outcome.frames or frames,

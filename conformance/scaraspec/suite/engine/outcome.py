@@ -28,6 +28,8 @@ class Outcome:
         message: One sentence.
         expected: What the document requires.
         observed: What was observed instead.
+        begin_ns: When the case began, in nanoseconds since the Unix epoch, on the clock of its wire
+            events; 0 if it did not run.
         duration_s: The duration in seconds, on the clock of the subject, without the time that an
             operator took.
         examples: The number of values that were tried; 0 if the case draws no values.
@@ -47,6 +49,7 @@ class Outcome:
     message: str = ""
     expected: str = ""
     observed: str = ""
+    begin_ns: int = 0
     duration_s: float = 0.0
     examples: int = 0
     frames: tuple[FrameSeen | InvalidBytes, ...] = ()

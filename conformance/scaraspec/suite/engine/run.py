@@ -390,6 +390,7 @@ class Run(Generic[P]):
             message=outcome.message,
             expected=outcome.expected,
             observed=outcome.observed,
+            begin_ns=outcome.begin_ns,
             duration_s=outcome.duration_s,
             examples=outcome.examples,
             replay=self._replay_of(outcome),

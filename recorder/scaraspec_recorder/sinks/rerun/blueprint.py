@@ -25,6 +25,7 @@ PROGRAM: Final = "state/program"
 TRANSFER: Final = "state/transfer"
 LINK: Final = "state/link"
 FINDING: Final = "state/finding"
+CASE: Final = "state/case"
 
 EVENTS: Final = "log/events"
 EXCHANGES: Final = "log/exchanges"
@@ -39,7 +40,8 @@ LEGEND: Final = """\
   controller says that the tool is (0x38).
 - **States**: the robot's status (0x09), the two-stage command in flight, from request to final
   result, the program that runs (0x0A) until the robot is idle, the file transfer, the link, and
-  each violation for a second; ports on a page of their own.
+  each violation for a second, and in a certification the case that runs; ports on a page of their
+  own.
 - **Plots**: reported values, each until the next one.
 - **Reply latency**: the robot's, and beside it what the recorder in between has added.
 - **Log**: findings, bytes that are no frame, gaps, commands. Queries are under *All exchanges*.

@@ -4,8 +4,10 @@ Only derived items are drawn; capture.mcap is the reference, from which the draw
 again. `blueprint` defines the layout, `rerun_rows` the encoding.
 """
 
+import math
 import os
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -74,6 +76,7 @@ class RerunSink:
         self._names: dict[str, list[str]] = {
             lane: [] for lane in (blueprint.PROGRAM, blueprint.TRANSFER, blueprint.FINDING)
         }
+        self._cases = deque[tuple[int, str]]()  # not drawn yet
         self._found_ns = 0  # when the last violation was found
         self._in_flight: dict[int, str] = {}  # two-stage commands, by identity of the request
         self._connected: set[str] = set()
@@ -127,6 +130,7 @@ class RerunSink:
 
     def write(self, event: WireEvent) -> None:
         """Draw the connection state of a raw event; its bytes are not drawn."""
+        self._begin_cases(event.time_ns)
         self._now_ns = event.time_ns
         self._latencies.write(event)
         self._begin(event.time_ns)
@@ -156,6 +160,12 @@ class RerunSink:
         self._begin(time_ns)
         self._put(blueprint.EVENTS, rerun_rows.lines, line, time_ns)
 
+    def draw_cases(self, cases: Iterable[tuple[int, str]]) -> None:
+        """Draw the cases of a certification, too; an empty text ends the case before it."""
+        self._cases.extend(cases)
+        ids = dict.fromkeys(case for _, case in self._cases if case)
+        self._stream.log(blueprint.CASE, blueprint.names(ids), static=True)
+
     def tick(self, now_ns: int) -> None:
         """Send rows that have reached their maximum age."""
         if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
@@ -166,6 +176,7 @@ class RerunSink:
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Send all rows, write the summary, and optimize the file."""
+        self._begin_cases(math.inf)
         if self._batches:
             self._batches.flush()
         self._session_page(summary)
@@ -179,6 +190,13 @@ class RerunSink:
         self._file.close()
         if self._optimized:
             optimize(self._optimized)
+
+    def _begin_cases(self, until_ns: float) -> None:
+        """Draw the cases that have begun or ended."""
+        while self._cases and self._cases[0][0] <= until_ns:
+            time_ns, case = self._cases.popleft()
+            self._begin(time_ns)
+            self._state(blueprint.CASE, case, time_ns)
 
     def _begin(self, time_ns: int) -> None:
         """Start the timelines, unless they have started."""
