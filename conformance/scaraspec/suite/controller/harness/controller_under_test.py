@@ -325,20 +325,22 @@ class ControllerUnderTest:
 
     @property
     def supports_multiple_connections(self) -> bool:
-        """Whether several connections can be open at once without displacing each other."""
-        many = self.dialect["max_clients"] == "many" and not self.traits.displaces_first_client
-        return self.access.multiple_connections and many
+        """Whether several clients can be served at once, each like the only one."""
+        equal = not (self.traits.displaces_first_client or self.traits.only_first_client_commands)
+        return self.access.multiple_connections and self.dialect["max_clients"] == "many" and equal
 
     def require_multiple_connections(self) -> None:
-        """Require that several connections can be open at once.
+        """Require that several clients can be served at once, each like the only one.
 
         Raises:
-            CaseSkipped: Only one connection can be open at a time.
+            CaseSkipped: Only one client is served, or only one may command.
         """
         if not self.access.multiple_connections:
             raise CaseSkipped("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
             raise CaseSkipped("the subject serves one client at a time (max_clients)")
+        if self.traits.only_first_client_commands:
+            raise CaseSkipped("the subject accepts commands only of its first client (A-2-2)")
         if not self.supports_multiple_connections:
             raise CaseSkipped("the subject closes a connection when another one opens (A-2-2)")
 

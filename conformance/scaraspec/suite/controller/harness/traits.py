@@ -38,6 +38,7 @@ class ControllerTraits:
         closes_late: It refuses a client for a time after an earlier one has left (A-2-11).
         releases_late: This time is longer than a moment.
         displaces_first_client: It closes the first of several connections when another one opens.
+        only_first_client_commands: It refuses the commands of all clients but the first (A-2-2).
         transfers_outlive_connection: A transfer whose connection has ended continues until its
             timeout (A-5-17).
         unresponsive_while_executing: It answers no query while a command executes (A-4-3).
@@ -83,6 +84,7 @@ class ControllerTraits:
 
     # set by probes
     displaces_first_client: bool = False
+    only_first_client_commands: bool = False
     transfers_outlive_connection: bool | None = None
     listed_layout: Layout | None = None
 

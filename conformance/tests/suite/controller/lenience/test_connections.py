@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.core import ControllerCore
@@ -287,6 +289,27 @@ def test_first_of_several_clients_may_be_replaced(run_cases: RunCases) -> None:
     """If a third client replaces the first one, no case opens more than it can keep."""
     only = ("2/11", "2/12", "4.2/4", "4.20/3", "5.2/12", "5.3/7", "5.4/5")
     assert not run_cases(ThirdClientReplacesFirst, *only, examples=20).problems
+
+
+class FirstClientCommands(ControllerCore):
+    """Only the client that has logged in first may change anything; the others may read."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        command = BY_OPCODE.get(frame.opcode)
+        others = [s.connection for s in self.sessions.values() if s.logged_in and s is not session]
+        first = not others or session.connection < min(others)
+        if first or not command or command.hazard is Hazard.READ_ONLY or command.name in _ALL_MAY:
+            super().handle(session, frame, now_s)
+        else:
+            self.emit(session, Frame(C2A, frame.opcode, b"0|04" if command.two_stage else b"0"))
+
+
+_ALL_MAY = ("login", "emergency_stop")
+
+
+def test_only_the_first_client_may_command(run_cases: RunCases) -> None:
+    """Cases with two clients are skipped (A-2-2)."""
+    assert not run_cases(FirstClientCommands, "2/12", "4/6", "4/15", "4.20/3", "5.4/1").problems
 
 
 class DetectsDisconnectLate(ControllerCore):
