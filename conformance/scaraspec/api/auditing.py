@@ -99,7 +99,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     scope = replace(ics.scope(side), only=only, selection=selection)
     if capture.session.get(PASSWORDS) == MASKED:
         scope = replace(scope, undecidable=scope.undecidable | _ON_PASSWORDS)
-    judge = Judge(ics.dialect, needs_login=not serial, scope=scope)
+    judge = Judge(ics.dialect, needs_login=not serial, scope=scope, time_scale=ics.time_scale)
     replay = reproduction or shlex.join(["scaraspec", "audit", *map(str, files)])
     listener = _Listener(judge, ics, observe)
     interrupted = False

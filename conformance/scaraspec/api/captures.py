@@ -137,7 +137,8 @@ class Capture:
         role, claimed = subject_of(self._source)
         ics = self._ics or claimed
         scope = ics.scope(None if role is Role.CAPTURE else sending_direction(role))
-        judge = Judge(ics.dialect, needs_login=self._source.needs_login, scope=scope)
+        needs_login, time_scale = self._source.needs_login, ics.time_scale
+        judge = Judge(ics.dialect, needs_login=needs_login, scope=scope, time_scale=time_scale)
         unjudged = set[str]()
         for event in self._source:
             if event.kind is Kind.OPENED and event.note == UNJUDGED:

@@ -33,7 +33,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
-from scaraspec.traffic.robot_state import RESULT_LAG_NS, RobotState
+from scaraspec.traffic.robot_state import LONGEST_PAUSE_NS, RESULT_LAG_NS, RobotState
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
 _MAX_FINDINGS: Final = 50
@@ -111,10 +111,16 @@ class Judge:
         dialect: The reply and transfer timeouts that the SUT claims.
         needs_login: False for a serial link, which needs no login (L83).
         scope: Which findings count. The others are yielded, too, but not tallied.
+        time_scale: How many seconds of the controller pass in one second of the traffic.
     """
 
     def __init__(
-        self, dialect: Dialect = DEFAULT, *, needs_login: bool = True, scope: Scope = EVERYTHING
+        self,
+        dialect: Dialect = DEFAULT,
+        *,
+        needs_login: bool = True,
+        scope: Scope = EVERYTHING,
+        time_scale: float = 1.0,
     ) -> None:
         self.scope = scope
         self.tallies: dict[str, Tally] = defaultdict(Tally)
@@ -126,6 +132,7 @@ class Judge:
         """The state of each controller, by address; without a known address they share one."""
         self._dialect = dialect
         self._needs_login = needs_login
+        self._longest_pause_ns = round(LONGEST_PAUSE_NS / time_scale)
         self._dialogues: dict[str, Dialogue] = {}
         self._judge_frame = _frame_judge(scope)
         self._is_partial = scope.selection != EVERYTHING.selection
@@ -169,7 +176,8 @@ class Judge:
     def _robot(self, first: WireEvent) -> RobotState:
         """Return the state of the connection's controller, which its first note names."""
         controller = _CONTROLLER.search(first.note)
-        robot = self.robots.setdefault(controller[1] if controller else "", RobotState())
+        fresh = RobotState(self._longest_pause_ns)
+        robot = self.robots.setdefault(controller[1] if controller else "", fresh)
         if len(self.robots) > _MAX_CONTROLLERS:
             self.robots.popitem(last=False)
         return robot

@@ -26,6 +26,7 @@ class FrameSeen:
         begun_ns: When its first byte was seen.
         parsed: Command, part and decoded payload; None for an undefined opcode or tag.
         certain: It is certainly a frame: the stream was in sync, and no gap can have created it.
+        pause_ns: The longest time without bytes between its first and its last byte.
     """
 
     frame: Frame
@@ -33,6 +34,7 @@ class FrameSeen:
     begun_ns: int
     parsed: Parsed | None
     certain: bool = True
+    pause_ns: int = 0
 
     @property
     def command(self) -> Command | None:

@@ -23,11 +23,22 @@ RESULT_LAG_NS: Final = 500_000_000
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 
+LONGEST_PAUSE_NS: Final = 1_000_000_000
+"""The longest pause inside a request that a controller must survive (A-3-11)."""
+
 
 class RobotState:
-    """The state of one robot, as far as the wire shows it."""
+    """The state of one robot, as far as the wire shows it.
 
-    def __init__(self) -> None:
+    Args:
+        longest_pause_ns: The longest pause inside a request that the controller must survive.
+
+    Attributes:
+        longest_pause_ns: The same.
+    """
+
+    def __init__(self, longest_pause_ns: int = LONGEST_PAUSE_NS) -> None:
+        self.longest_pause_ns = longest_pause_ns
         self.last: dict[str, Exchange] = {}
         """The last answered exchange of each command, over all connections; only certain ones."""
         self.executing: list[Exchange] = []

@@ -7,7 +7,7 @@ It adds the time of each item, and whether the framing is certain after a gap.
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Final
 
 from scaraspec.protocol import commands
@@ -141,6 +141,7 @@ class Stream:
         for item in items:
             end = at + item.size_bytes
             begun_ns, time_ns = self._time(at), self._time(end - 1)
+            pause_ns = self._longest_pause_ns(end)
             place = WireRange(self._connection, self._direction, at, end - at, time_ns)
             at = end
             while len(pieces) > 1 and pieces[1][0] <= at:
@@ -150,7 +151,8 @@ class Stream:
                 if self._run:
                     yield from self.flush()
                 is_certain = certain and end > self._claimed_bytes
-                yield FrameSeen(item, place, begun_ns, commands.parse_frame(item), is_certain)
+                parsed = commands.parse_frame(item)
+                yield FrameSeen(item, place, begun_ns, parsed, is_certain, pause_ns)
             else:
                 yield from self._skip(item, place, mixed)
 
@@ -186,6 +188,11 @@ class Stream:
         self._run = InvalidBytes(
             data, item.reason, place, touches_gap=not self._in_sync, mixed=mixed
         )
+
+    def _longest_pause_ns(self, end: int) -> int:
+        """Return the longest time between two pieces of the item that ends at this offset."""
+        times_ns = [time_ns for begin, time_ns in self._pieces if begin < end]
+        return max((after - before for before, after in pairwise(times_ns)), default=0)
 
     def _time(self, offset_bytes: int) -> int:
         """Return when the byte at this offset was seen."""

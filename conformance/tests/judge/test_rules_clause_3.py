@@ -26,6 +26,16 @@ PIPELINED = """
     +6
     > close
 """
+PAUSED = """
+    login
+    > =AA
+    +{pause}
+    > =07 00 CC
+    > get_status
+    < get_status 00
+    +6
+    > close
+"""
 LATE_CHUNK = """
     login
     > upload_name a.rob
@@ -327,6 +337,9 @@ CASES = (
     # A client may abort an upload after 30 s of silence, and then a late chunk is ignored (A-5-16).
     ("3/31", "fail", LATE_CHUNK.format(pause=20)),
     ("3/31", "pass", LATE_CHUNK.format(pause=40)),
+    # A request may be dropped after a pause of more than a second (A-3-11).
+    ("3/31", "fail", PAUSED.format(pause=0.9)),
+    ("3/31", "inconclusive", PAUSED.format(pause=1.1)),
     # A robot that shuts down or changes its address answers no further requests.
     ("3/31", "pass", "login\n> shutdown\n< shutdown 1\n> get_time\n+6\n> close"),
     ("3/31", "inconclusive", "login\n> get_time\n< gap 18\n> get_status\n< get_status 00"),

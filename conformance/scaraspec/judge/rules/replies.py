@@ -142,6 +142,15 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
         )
     if x.ending is not Ending.UNANSWERED or x.unmatched_reply:
         return None
+    if x.request.pause_ns > robot.longest_pause_ns:
+        return inconclusive(
+            UserMessage(
+                "{command} was not answered: it was sent with a pause of {pause_s:.1f} s inside, "
+                "after which the controller may have dropped it (A-3-11)",
+                command=x.name,
+                pause_s=x.request.pause_ns / 1e9,
+            )
+        )
     return _judge_silence(x, robot) or failed(
         UserMessage("{command} was not answered, although a later request was", command=x.name),
         expected="a reply",

@@ -50,7 +50,7 @@ class Attempt:
     def valid(self) -> bool:
         """Whether the attempt counts."""
         stalled = self.stall_s and self.outcome.verdict in _UNDECIDED
-        return not stalled and self.outcome.reason is not Reason.TOO_SHORT
+        return not stalled and self.outcome.reason not in (Reason.TOO_SHORT, Reason.STALLED)
 
     @property
     def failed(self) -> bool:

@@ -417,7 +417,7 @@ class CaseRunner(CaseCollector):
                     Verdict.INCONCLUSIVE,
                     cause=Cause.SET_UP,
                     message=message_of(raised),
-                    reason=Reason.UNDECIDED,
+                    reason=raised.reason,
                 )
             case CaseFailed():
                 return self._failure(case, raised)

@@ -110,7 +110,19 @@ class OperationRefused(CaseFailed):
 
 
 class CaseInconclusive(Exception):  # noqa: N818 - it is not an error
-    """The case has no verdict; the message states the reason."""
+    """The case has no verdict; the message states the reason.
+
+    Attributes:
+        reason: Why, as a code for programs.
+    """
+
+    reason = Reason.UNDECIDED
+
+
+class SentTooSlowly(CaseInconclusive):
+    """The suite sent a request so slowly that it needs no answer. The case is tried again."""
+
+    reason = Reason.STALLED
 
 
 class Unreadable(CaseInconclusive):
@@ -121,11 +133,7 @@ class Unreadable(CaseInconclusive):
 
 
 class CaseSkipped(CaseInconclusive):
-    """The case did not run; the message states what it needs.
-
-    Attributes:
-        reason: Why, as a code for programs.
-    """
+    """The case did not run; the message states what it needs."""
 
     reason = Reason.NOT_APPLICABLE
 

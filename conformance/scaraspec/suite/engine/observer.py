@@ -122,7 +122,10 @@ class Observer:
     ) -> None:
         self.interruption = interruption or Interruption()
         self.judge = Judge(
-            ics.dialect, needs_login=needs_login, scope=ics.scope(sending_direction(role))
+            ics.dialect,
+            needs_login=needs_login,
+            scope=ics.scope(sending_direction(role)),
+            time_scale=ics.time_scale,
         )
         self.findings: list[CaseFinding] = []
         self.attempt = ObservedAttempt("")

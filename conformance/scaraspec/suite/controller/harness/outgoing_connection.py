@@ -20,9 +20,16 @@ from scaraspec.report.failed_step import Stage
 from scaraspec.suite.controller.harness.timeouts import ExpectedReply
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.deadline import Deadline
-from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    SentTooSlowly,
+)
 from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.robot_state import LONGEST_PAUSE_NS
 from scaraspec.traffic.transfers import CHUNKS, NAMES
 from scaraspec.transports.link import Link
 from scaraspec.user_message import UserMessage
@@ -78,6 +85,7 @@ class OutgoingConnection(Connection):
         self.long_pause_s = 0.0
         self._sent_ns = self._received_ns = self._own_ns = 0
         self._transfer_sent_ns = self._pause_ns = self._own_pause_ns = 0
+        self._request_pause_ns = 0
         self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
 
     @property
@@ -337,6 +345,8 @@ class OutgoingConnection(Connection):
                 is_expected, timeout_policy.timeout_s(due, limit_s), message
             )
         except NoReply as error:
+            if not due.result:
+                self._require_prompt_request()
             error.reply_requirement = due.requirement
             error.due = error.due or (due.name, Stage.RESULT if due.result else Stage.REPLY)
             error.preparation = due.name not in _SIGNS_OF_LIFE
@@ -350,6 +360,21 @@ class OutgoingConnection(Connection):
         if not due.result or (answer.frame.tagged and answer.done):
             timeout_policy.note_received(due)
         return answer
+
+    def _require_prompt_request(self) -> None:
+        """Require that the last request was sent without a pause after which it may be dropped.
+
+        Raises:
+            SentTooSlowly: This machine was too slow.
+        """
+        if self._request_pause_ns * self._subject.ics.time_scale > LONGEST_PAUSE_NS:
+            raise SentTooSlowly(
+                UserMessage(
+                    "this machine is too slow: it has sent a request with a pause of "
+                    "{pause_s:.3f} s inside",
+                    pause_s=self._request_pause_ns / _NS,
+                )
+            )
 
     def dependency(self, due: ExpectedReply) -> str:
         """Return the case that has shown that this final result never comes.
@@ -488,6 +513,7 @@ class OutgoingConnection(Connection):
         elif seen.frame.opcode in _CHUNK_OPCODES:
             self._pause_ns, self._own_pause_ns = time_ns - self._transfer_sent_ns, self._own_ns
             self._transfer_sent_ns, self._own_ns = time_ns, 0
+        self._request_pause_ns = seen.pause_ns
         self._names_files = self._names_files or seen.name in NAMES
         self._subject.guard.sent(self.name, seen)
         self._subject.lag.frame_seen(seen.frame, seen.place.time_ns)

@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judge.verdicts import Verdict
+from scaraspec.judge.verdicts import Reason, Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
@@ -102,3 +103,18 @@ def test_command_that_ends_among_refusals_executes_again(run_cases: RunCases) ->
     cases = run_cases(RefusesSlowly, "4/6")
     assert cases["4/6.set_tool_coordinates"].verdict is Verdict.PASS
     assert not cases.problems
+
+
+def test_request_that_the_suite_has_sent_too_slowly(
+    run_cases: RunCases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be dropped (A-3-11): neither the case nor the judge fails."""
+    pause = ControllerUnderTest.pause
+    monkeypatch.setattr(
+        ControllerUnderTest, "pause", lambda subject, for_s: pause(subject, 3 * for_s)
+    )
+    cases = run_cases(ControllerCore, "2/5", "3/31")
+    assert not cases.violated
+    slow = cases["2/5.slowly"]
+    assert (slow.verdict, slow.reason) == (Verdict.INCONCLUSIVE, Reason.STALLED)
+    assert "it has sent a request with a pause of 2.700 s inside" in slow.message
