@@ -141,7 +141,7 @@ class Stream:
         for item in items:
             end = at + item.size_bytes
             begun_ns, time_ns = self._time(at), self._time(end - 1)
-            pause_ns = self._longest_pause_ns(end)
+            pause_ns = self._longest_pause_ns(at, end)
             place = WireRange(self._connection, self._direction, at, end - at, time_ns)
             at = end
             while len(pieces) > 1 and pieces[1][0] <= at:
@@ -189,10 +189,12 @@ class Stream:
             data, item.reason, place, touches_gap=not self._in_sync, mixed=mixed
         )
 
-    def _longest_pause_ns(self, end: int) -> int:
-        """Return the longest time between two pieces of the item that ends at this offset."""
-        times_ns = [time_ns for begin, time_ns in self._pieces if begin < end]
-        return max((after - before for before, after in pairwise(times_ns)), default=0)
+    def _longest_pause_ns(self, at: int, end: int) -> int:
+        """Return the longest time between two pieces of the bytes from one offset to another."""
+        later_ns = [time_ns for begin, time_ns in self._pieces if at < begin < end]
+        if not later_ns:
+            return 0
+        return max(after - before for before, after in pairwise((self._time(at), *later_ns)))
 
     def _time(self, offset_bytes: int) -> int:
         """Return when the byte at this offset was seen."""

@@ -101,27 +101,20 @@ class ImpatientFramer(RequestFramer):
         self._timeout_s = 1.2
 
 
-@pytest.mark.parametrize(
-    ("stalls", "verdicts"),
-    [
-        ([[], [Stall(0, 2**62)]], {"4.7/2": Verdict.PASS}),
-        ([], {"4.7/2": Verdict.INCONCLUSIVE}),
-    ],
-)
+@pytest.mark.parametrize("stalls", [[[], [Stall(0, 2**62)]], []])
 def test_a_frame_that_a_stall_splits(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     stalls: list[list[Stall]],
-    verdicts: dict[str, Verdict],
 ) -> None:
-    """With a stall the case is repeated; without one, the missing reply counts as a failure."""
+    """The case is repeated, whether the stall was measured or not."""
     (tmp_path / f"test_{abs(hash(tmp_path))}.py").write_text(SPLIT, encoding="utf-8")
     monkeypatch.setitem(CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(with_framer(ImpatientFramer), DEFAULT).network)
     adapter = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
     series = chain(stalls, repeat([]))
     results = Run(adapter, stalls=series.__next__).results()
-    assert {case.id: case.verdict for case in results.cases} == verdicts
+    assert {case.id: case.verdict for case in results.cases} == {"4.7/2": Verdict.PASS}
 
 
 @pytest.mark.parametrize(
