@@ -108,6 +108,7 @@ bench: $(READY)
 	$(BIN)/python bench/frames.py
 	$(BIN)/python -m bench.forwarding
 	$(BIN)/python -m bench.suite
+	$(BIN)/python -m bench.audit
 	$(BIN)/python -m bench.archive
 	$(BIN)/python -m bench.soak --hours 0.2 --rotate 144s
 

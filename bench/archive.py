@@ -18,19 +18,16 @@ from typing import Any, Final
 
 import pyarrow as pa  # type: ignore[import-untyped]  # it ships no types
 from bench import traffic
+from bench.captures import PER_SECOND, write_polling
 from bench.stage import spread
 
-from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.tables import arrow
 from scaraspec.tables.archive.query import query
 from scaraspec.tables.archive.store import ARCHIVED, PartName, Source, Store
 from scaraspec.tables.schema import FileRow, FindingRow
-from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
 
 _START_NS: Final = 1_795_215_517_000_000_000
 _DAY_NS: Final = 86_400 * traffic.SECOND_NS
-_PER_SECOND: Final = 200
 _SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
 _ROBOTS: Final = 50
 _REFUSED_SHARE: Final = 0.01
@@ -64,7 +61,7 @@ def _measure_builds(folder: Path, chosen: argparse.Namespace) -> None:
     captures = folder / "captures"
     captures.mkdir()
     for number in range(chosen.captures):
-        _write_capture(captures / f"{number}.pcapng", int(chosen.minutes * 60 * _PER_SECOND))
+        write_polling(captures / f"{number}.pcapng", int(chosen.minutes * 60 * PER_SECOND))
     one = captures / "0.pcapng"
     costs, speeds = [], []
     for number in range(chosen.rounds):
@@ -77,20 +74,9 @@ def _measure_builds(folder: Path, chosen: argparse.Namespace) -> None:
             for jobs in ("1", "2")
         )
         speeds.append(alone / two)
-    print(f"captures of {chosen.minutes:g} minutes with {_PER_SECOND} exchanges a second:")
+    print(f"captures of {chosen.minutes:g} minutes with {PER_SECOND} exchanges a second:")
     print(f"  processor time of a build / of audit: {spread(costs)}")
     print(f"  {chosen.captures} captures, one process / two processes: {spread(speeds)}")
-
-
-def _write_capture(path: Path, exchanges: int) -> None:
-    sent = {A2C: 0, C2A: 0}
-    with path.open("wb") as file:
-        writer = PcapngWriter(file)
-        writer.write(WireEvent(_START_NS, "1", A2C, Kind.OPENED))
-        for frame in traffic.poll(_START_NS, exchanges, _PER_SECOND):
-            at = (frame.time_ns, "1", frame.direction, Kind.BYTES)
-            writer.write(WireEvent(*at, frame.data, sent[frame.direction]))
-            sent[frame.direction] += len(frame.data)
 
 
 def _timed(*arguments: str) -> tuple[float, float]:

@@ -65,6 +65,7 @@ _LINK_NAMES: Final = {
 
 _VLAN_TAGS: Final = {0x8100, 0x88A8, 0x9100, 0x9200}
 _IP_ETHERTYPES: Final = {0x0800, 0x86DD}
+_IPV4_ETHERTYPE: Final = b"\x08\x00"
 _ETHERNET_BRIDGED: Final = 0x6558
 _PPPOE: Final = 0x8864
 _MPLS: Final = {0x8847, 0x8848}
@@ -128,6 +129,22 @@ def ip_start(link_type: int, packet: bytes) -> int | None:
         return link.header_bytes
     (ethertype,) = _U16.unpack_from(packet, link.ethertype_at)
     return _after_ethertype(packet, ethertype, link.header_bytes)
+
+
+def plain_ipv4_start(link_type: int, packet: bytes) -> int | None:
+    """Return the offset of an IPv4 header directly after the link header; None without one.
+
+    Args:
+        link_type: The type of the link header, a LINKTYPE number of the pcap registry.
+        packet: The captured bytes.
+    """
+    link = _LINKS.get(link_type)
+    if link is None:
+        return None
+    at = link.ethertype_at
+    if at is not None and packet[at : at + 2] != _IPV4_ETHERTYPE:
+        return None
+    return link.header_bytes
 
 
 def tunnelled_ip_start(protocol: int, packet: bytes, start: int) -> int | None:

@@ -9,7 +9,12 @@ from ipaddress import ip_address
 from struct import Struct
 from typing import Final, NamedTuple
 
-from scaraspec_recorder.encapsulation import UnreadablePacket, ip_start, tunnelled_ip_start
+from scaraspec_recorder.encapsulation import (
+    UnreadablePacket,
+    ip_start,
+    plain_ipv4_start,
+    tunnelled_ip_start,
+)
 from scaraspec_recorder.ip_fragments import FragmentBuffer, FragmentPosition
 
 FIN: Final = 0x01
@@ -77,6 +82,8 @@ _IPV6: Final = Struct(">4x H B x 16s 16s")
 _EXTENSION: Final = Struct(">B B H")
 _FRAGMENT_NUMBER: Final = Struct(">4x I")
 _TCP_HEADER: Final = Struct(">H H I I B B 6x")
+_ORDINARY: Final = Struct(">B x H 2x H x B 2x 4s 4s H H I I B B 6x")  # IPv4 and TCP
+_IPV4_WITHOUT_OPTIONS: Final = 0x45
 _CHECKSUM: Final = Struct(">H")
 _CHECKSUM_MODULUS: Final = 0xFFFF
 
@@ -92,8 +99,14 @@ class _Ip(NamedTuple):
     fragment: FragmentPosition | None = None
 
 
-def dissect(
-    time_ns: int, link_type: int, packet: bytes, wire_bytes: int, fragments: FragmentBuffer
+def dissect(  # noqa: PLR0913 - the fields of a record
+    time_ns: int,
+    link_type: int,
+    packet: bytes,
+    wire_bytes: int,
+    fragments: FragmentBuffer,
+    *,
+    number: int = 0,
 ) -> Segment | None:
     """Read the TCP segment of one captured packet.
 
@@ -103,6 +116,7 @@ def dissect(
         packet: The captured bytes.
         wire_bytes: The number of bytes of the packet on the wire.
         fragments: Receives IP fragments of TCP.
+        number: The number of the packet in the capture, from 1; 0 if unknown.
 
     Returns:
         The segment; None if the packet contains no TCP, or a fragment of an incomplete packet.
@@ -111,20 +125,45 @@ def dissect(
         UnreadablePacket: The link type or a tunnel is not decoded, or the headers are cut off or
             contradict each other.
     """
+    segment = _ordinary(time_ns, link_type, packet, number)
+    if segment is not None:
+        return segment
     try:
         start = ip_start(link_type, packet)
         while start is not None and (ip := _ip(packet, start, wire_bytes)):
             if ip.protocol == _TCP:
                 if ip.fragment is None:
-                    return _segment(time_ns, packet, ip)
+                    return _segment(time_ns, packet, ip, number)
                 whole = fragments.add(ip.fragment, packet[ip.start : ip.end])
                 if whole is None:
                     return None
-                return _segment(time_ns, whole, ip._replace(start=0, end=len(whole)))
+                return _segment(time_ns, whole, ip._replace(start=0, end=len(whole)), number)
             start = tunnelled_ip_start(ip.protocol, packet, ip.start)
         return None  # noqa: TRY300 - the end of the loop
     except (struct.error, IndexError):
         raise UnreadablePacket("headers are cut off") from None
+
+
+def _ordinary(time_ns: int, link_type: int, packet: bytes, number: int) -> Segment | None:
+    """Read a whole TCP segment in IPv4 without options, directly after the link header.
+
+    Most packets are ordinary. For the others, None is returned, and the general way follows.
+    """
+    start = plain_ipv4_start(link_type, packet)
+    if start is None or len(packet) < start + _ORDINARY.size:
+        return None
+    version, total_bytes, fragment, protocol, src, dst, *tcp = _ORDINARY.unpack_from(packet, start)
+    if version != _IPV4_WITHOUT_OPTIONS or protocol != _TCP or fragment & 0x3FFF:
+        return None
+    src_port, dst_port, seq, ack, header_words, flags = tcp
+    at, end = start + _IPV4.size, start + total_bytes
+    begin = at + (header_words >> 4) * 4
+    if not at + _TCP_HEADER.size <= begin <= end <= len(packet):
+        return None
+    payload = packet[begin:end]
+    corrupt = bool(payload) and _is_corrupt(src + dst, packet[at:end])
+    ends = Endpoint(src, src_port), Endpoint(dst, dst_port)
+    return Segment(time_ns, *ends, seq, ack, flags, payload, 0, number, corrupt)
 
 
 def _ip(packet: bytes, start: int, wire_bytes: int) -> _Ip | None:
@@ -173,7 +212,7 @@ def _ipv6(packet: bytes, start: int, wire_bytes: int) -> _Ip:
     return _Ip(header, src, dst, at, end, position)
 
 
-def _segment(time_ns: int, packet: bytes, ip: _Ip) -> Segment:
+def _segment(time_ns: int, packet: bytes, ip: _Ip, number: int) -> Segment:
     src_port, dst_port, seq, ack, header_words, flags = _TCP_HEADER.unpack_from(packet, ip.start)
     header_bytes = (header_words >> 4) * 4
     start = ip.start + header_bytes
@@ -190,20 +229,21 @@ def _segment(time_ns: int, packet: bytes, ip: _Ip) -> Segment:
         flags,
         payload,
         cut_bytes,
-        corrupt=bool(payload) and not cut_bytes and _is_corrupt(ip, packet[ip.start : ip.end]),
+        number,
+        bool(payload) and not cut_bytes and _is_corrupt(ip.src + ip.dst, packet[ip.start : ip.end]),
     )
 
 
-def _is_corrupt(ip: _Ip, segment: bytes) -> bool:
+def _is_corrupt(addresses: bytes, segment: bytes) -> bool:
     """Return whether the checksum of a whole segment is wrong; see `Segment.corrupt`."""
     # The ones' complement sum of 16-bit words is the remainder of division by 65,535.
-    addresses = (int.from_bytes(ip.src + ip.dst) + _TCP + len(segment)) % _CHECKSUM_MODULUS
+    pseudo = (int.from_bytes(addresses) + _TCP + len(segment)) % _CHECKSUM_MODULUS
     padding = b"\0" * (len(segment) % 2)
-    if (int.from_bytes(segment + padding) + addresses) % _CHECKSUM_MODULUS == 0:
+    if (int.from_bytes(segment + padding) + pseudo) % _CHECKSUM_MODULUS == 0:
         return False
     (field,) = _CHECKSUM.unpack_from(segment, 16)
     return field % _CHECKSUM_MODULUS not in (
         0,
-        addresses,
-        (addresses - len(segment)) % _CHECKSUM_MODULUS,
+        pseudo,
+        (pseudo - len(segment)) % _CHECKSUM_MODULUS,
     )

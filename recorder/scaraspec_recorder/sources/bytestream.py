@@ -153,6 +153,36 @@ class ByteStream:
         before, self._far = self._far, position
         return before is None or not 0 < position - before <= _FAR_BYTES
 
+    def continues_at(self, number: int) -> bool:
+        """Whether a segment with this sequence number continues the stream, and no end was sent."""
+        return (
+            self.start is not None
+            and self._fin is None
+            and self._far is None
+            and self.conflict is None
+            and self._position(number) == self.next
+        )
+
+    def has_delivered(self, ack: int) -> bool:
+        """Whether every byte that is acknowledged was delivered."""
+        return self.start is not None and self._far is None and self._position(ack) <= self.next
+
+    def append(self, data: bytes, at: PacketTime, acknowledged_peer: int) -> WireEvent:
+        """Deliver bytes that continue the stream, while none is missing.
+
+        Returns:
+            Their event, which is released.
+        """
+        end = self._seen = self.released = self.next + len(data)
+        event = self._ready(Kind.BYTES, at, end, acknowledged_peer, data=data).event
+        self.next = end
+        self._delivered = (self._delivered + data)[-_COMPARED_BYTES:]
+        return event
+
+    def note_acknowledgment(self) -> None:
+        """Note a segment without data from this sender, while no byte is missing."""
+        self.acknowledges |= self.start is not None and self.next > self.start
+
     def would_acknowledge(self, ack: int) -> bool:
         """Whether an acknowledgment is the first one for the last bytes of this stream."""
         if self.start is None or self.ended:

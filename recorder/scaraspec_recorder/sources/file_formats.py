@@ -43,7 +43,7 @@ _ERF_SECONDS: Final = range(946_684_800, 1 << 32)  # from the year 2000
 _PACKED_BYTES: Final = 512  # read at a time: they may be 16 MiB after decompression
 
 
-def open_content(path: Path, raw: io.BufferedReader) -> BinaryIO:
+def open_content(path: Path, raw: io.BufferedReader) -> io.BufferedReader:
     """Return the content of a pcap or pcapng file, decompressed.
 
     Args:
@@ -64,7 +64,7 @@ def open_content(path: Path, raw: io.BufferedReader) -> BinaryIO:
     head = file.peek(_HEAD_BYTES)[:_HEAD_BYTES]
     if head[:4] not in _PCAP_MAGICS:
         raise CaptureError(_describe(path, head, "gzip" if magic.startswith(_GZIP) else "zstd"))
-    return cast("BinaryIO", file)
+    return cast("io.BufferedReader", file)
 
 
 def _describe(path: Path, head: bytes, decompressor: str) -> str:

@@ -17,6 +17,7 @@ gap of zero bytes marks that earlier traffic must not cause failures. A clock wa
 long silence begins while bytes are not acknowledged, and no one repeats them.
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
@@ -32,7 +33,7 @@ from scaraspec_recorder.sources.bytestream import (
     OrderedEvent,
     PacketTime,
 )
-from scaraspec_recorder.tcp_segment import ACK, RST, SYN, Endpoint, Segment
+from scaraspec_recorder.tcp_segment import ACK, FIN, RST, SYN, Endpoint, Segment
 
 _MAX_UNRELIABLE: Final = 100
 STEP_NS: Final = 1_000_000_000
@@ -162,7 +163,9 @@ class Reassembler:
         self._clock_offset_ns = 0  # total time by which the clock of the capture was set back
         self._released_ns = 0
         self._held_bytes = 0
-        self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # longest silent first
+        self._followed: OrderedDict[tuple[Endpoint, Endpoint], _Connection] = (
+            OrderedDict()
+        )  # longest silent first
         self._holes: dict[ByteStream, _Hole] = {}
         self._ages: list[tuple[PacketTime, int, _Hole]] = []  # of holes, including filled ones
         self._proven: dict[ByteStream, _Hole] = {}  # in the order of the proof
@@ -181,6 +184,9 @@ class Reassembler:
             bytes is that of the segment which completed them.
         """
         self._received += 1
+        events = self._receive_in_order(segment)
+        if events is not None:
+            return events
         connection = self._connection_of(segment)
         if connection is not None:
             steps = self.clock_steps
@@ -189,6 +195,44 @@ class Reassembler:
                 self._report_clock_step(connection, segment)
             self._take(connection, segment)
         return self._settle()
+
+    def _receive_in_order(self, segment: Segment) -> list[WireEvent] | None:
+        """Process a segment that continues its stream while no byte of any stream is missing.
+
+        Most segments do. No event waits then, so that the bytes of the segment are an event.
+
+        Returns:
+            The event, if the segment has bytes; None if the segment must be processed in general.
+        """
+        if self._holes or self._queue or segment.cut_bytes or segment.corrupt:
+            return None
+        src, dst = segment.src, segment.dst
+        ends = (src, dst) if src < dst else (dst, src)
+        connection = self._followed.get(ends)
+        if connection is None or connection.over or connection.reset or not connection.oriented:
+            return None
+        a, b = connection.streams
+        sender, receiver = (a, b) if ends[0] is src else (b, a)
+        time_ns = segment.time_ns + self._clock_offset_ns
+        if not (
+            segment.flags & (SYN | FIN | RST | ACK) == ACK
+            and segment.time_ns
+            and 0 <= time_ns - self._latest_ns <= _FORWARD_NS
+            and sender.continues_at(segment.seq)
+            and receiver.has_delivered(segment.ack)
+        ):
+            return None
+        self._followed.move_to_end(ends)
+        self._latest_ns = time_ns
+        connection.under_way = True
+        acknowledged = receiver.acknowledge(segment.ack)
+        if not segment.payload:
+            sender.note_acknowledgment()
+            return []
+        self._computes_checksums.add(src)
+        at = PacketTime(time_ns, 3 * self._received, segment.packet)
+        self._released_ns = time_ns
+        return [sender.append(segment.payload, at, acknowledged)]
 
     def _on_one_clock(self, connection: _Connection, segment: Segment) -> Segment:
         """Return the segment with a monotonic time; by default, with the latest time."""

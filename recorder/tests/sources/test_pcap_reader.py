@@ -36,7 +36,12 @@ from scapy.packet import Packet, Raw
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.sources.pcap_reader import _MAX_RECORD_BYTES, _Source, read_pcap
+from scaraspec_recorder.sources.pcap_reader import (
+    _MAX_RECORD_BYTES,
+    PcapSummary,
+    _Source,
+    read_pcap,
+)
 
 CLIENT, CONTROLLER = "192.0.2.1", "192.0.2.2"
 CLIENT6, CONTROLLER6 = "2001:db8::1", "2001:db8::2"
@@ -643,7 +648,8 @@ def test_a_huge_record_length(path: Path) -> None:
         capture = read_pcap(path)
         assert list(capture) == OVER_IPV4
         assert "is damaged" in capture.summary.notes[0]
-    source = _Source(file := io.BytesIO(b"?"), file)
+    file: Any = io.BufferedReader(io.BytesIO(b"?"))
+    source = _Source(file, file, PcapSummary())
     assert source.read(_MAX_RECORD_BYTES + 1) == b""
     assert source.read(_MAX_RECORD_BYTES) == b"?"
 
