@@ -27,7 +27,7 @@ from pathlib import Path
 from scaraspec.api import audit
 for path in sys.argv[1:]:
     try:
-        text = audit(Path(path))[0].to_json()
+        text = audit(Path(path), port=8877)[0].to_json()
     except Exception as error:
         text = f"{error}"
     print(text.replace("\\n", ""), flush=True)

@@ -309,8 +309,8 @@ def idle_after_success(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4/7", on=Exchange, names=_STATUS)
 def idle_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot whose status was never 00 since a successful final result still executes (L318)."""
-    ended = _still_busy_command(x, robot)
-    if ended is None or ended.name == "emergency_stop" or x.reply_value not in BUSY:
+    ended = _still_busy_command(x, robot) if x.reply_value in BUSY else None
+    if ended is None or ended.name == "emergency_stop":
         return None
     message = UserMessage(
         "the status is still {status} although {command} has ended {since_s:.1f} s before",
@@ -324,8 +324,8 @@ def idle_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("4.17/6", "4.17/7", on=Exchange, names=_STATUS)
 def stopped_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that still executes long after a successful stop was not stopped (L363, L373)."""
-    stop = _still_busy_command(x, robot)
-    if stop is None or stop.name != "emergency_stop" or x.reply_value not in BUSY:
+    stop = _still_busy_command(x, robot) if x.reply_value in BUSY else None
+    if stop is None or stop.name != "emergency_stop":
         return None
     message = UserMessage(
         "the status is still {status} {since_s:.1f} s after the emergency stop had succeeded",
@@ -339,8 +339,8 @@ def stopped_at_last(x: Exchange, robot: RobotState) -> RuleResult | None:
 def stopped_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A robot that has been stopped does not refuse a command as busy (L399; A-4-9)."""
     code = x.reply_value.code if x.accepted is False else None
-    stop = _still_busy_command(x, robot)
-    if stop is None or stop.name != "emergency_stop" or code not in BUSY:
+    stop = _still_busy_command(x, robot) if code in BUSY else None
+    if stop is None or stop.name != "emergency_stop":
         return None
     message = UserMessage(
         "{command} was refused with {code} {since_s:.1f} s after the emergency stop had succeeded",
