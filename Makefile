@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust site pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -138,6 +138,13 @@ prove: $(READY)
 	$(BIN)/scaraspec prove --role client --quick --out reports
 	$(BIN)/scaraspec prove --dialects
 
+# The documentation site. A broken link or anchor is an error. The page to open is
+# reports/out/site/index.html; it needs no server.
+site: export NO_MKDOCS_2_WARNING := 1
+site: $(READY)
+	$(BIN)/python -m docs.assemble reports/out/docs
+	$(BIN)/mkdocs build --strict --quiet
+
 # Needs Chromium and a software renderer.
 pictures: demo
 	$(BIN)/python docs/pictures.py reports/out/demo
@@ -161,7 +168,7 @@ wheel: $(READY)
 lock: $(READY)
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header \
-	  --python-version 3.11 --all-extras --group dev pyproject.toml -o requirements.lock
+	  --python-version 3.11 --all-extras --group dev --group docs pyproject.toml -o requirements.lock
 
 $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "scaraspec needs Python 3.11 or later: make PYTHON=python3.12")'
