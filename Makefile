@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures check bench soak trust site pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures test-tutorial check bench soak trust site pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -80,6 +80,11 @@ test-browser: $(READY)
 # of Mesa.
 test-viewer: $(READY)
 	$(BIN)/pytest -m viewer conformance/tests/cli
+
+# The commands of docs/tutorial-certify.md: a whole certification with a package. Four minutes on a
+# machine without other load.
+test-tutorial: $(READY)
+	$(BIN)/pytest -m campaign conformance/tests/test_documented_commands.py
 
 # Captures that are cut at many places, with lost packets, or damaged: nothing fails that does not
 # fail in the whole capture, and no file causes a traceback. Takes a quarter of an hour.

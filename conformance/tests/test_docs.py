@@ -45,7 +45,7 @@ def test_links(page: Path) -> None:
 )
 def test_toml(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each TOML block is valid; `scaraspec ics check` accepts each ICS."""
-    for program in ("ssh", "io-box"):  # hooks
+    for program in ("ssh", "io-box", "sh"):  # hooks
         (tmp_path / program).touch(mode=0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}")
     for block in re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL):

@@ -1,7 +1,8 @@
 // A browser starts no web worker for a page that is opened as a file. This class replaces `Worker`
-// there, so that the search works: it runs the script in a hidden frame.
+// there, so that the search works: it runs the script in a hidden frame. The search of the theme
+// looks for the name `IFrameWorker`, and then loads its other scripts by their full URLs.
 if (location.protocol === "file:") {
-  window.Worker = class extends EventTarget {
+  window.Worker = window.IFrameWorker = class extends EventTarget {
     constructor(url) {
       super()
       const frame = document.createElement("iframe")

@@ -23,7 +23,9 @@ from scaraspec.report.model import Results, Role
 pytestmark = pytest.mark.runs
 
 PAGE = (ROOT / "docs/tutorial-ci.md").read_text("utf-8")
-_BLOCK = re.compile(r"^(?:`([^`]+)` .*\n(?:.+\n)*\n)?```(\w+)\n((?s:.*?))^```$", re.MULTILINE)
+_BLOCK = re.compile(
+    r"^(?:`([^`]+)` .*\n(?:.+\n)*\n)?(?:<!-- .* -->\n)*```(\w+)\n((?s:.*?))^```$", re.MULTILINE
+)
 _TIMEOUT_S = 120
 PROGRAMS = {
     "pip": '#!/bin/sh\n[ "$*" = "install scaraspec==0.2.0" ]\n',
