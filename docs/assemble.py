@@ -33,6 +33,8 @@ COPIED: Final = {
 """Pages outside of `docs`, and their place in the site."""
 
 _LINK: Final = re.compile(r"\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
+_OTHER_LANGUAGE: Final = re.compile(r"^\[(?:中文|English)\]\(.*\)\n\n", re.MULTILINE)
+"""The link to the same page in the other language; the site has a switch for the language."""
 _FENCED: Final = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 
 
@@ -82,7 +84,7 @@ class Site:
             relative = os.path.relpath(self._place(target), place.parent)
             return f"[{match[1]}]({relative}{match[3] or ''})"
 
-        parts = _FENCED.split(source.read_text("utf-8"))
+        parts = _FENCED.split(_OTHER_LANGUAGE.sub("", source.read_text("utf-8")))
         return "".join(
             part if index % 2 else _LINK.sub(link, part) for index, part in enumerate(parts)
         )
