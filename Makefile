@@ -143,12 +143,12 @@ prove: $(READY)
 	$(BIN)/scaraspec prove --role client --quick --out reports
 	$(BIN)/scaraspec prove --dialects
 
-# The documentation site. A broken link or anchor is an error. The page to open is
+# The documentation site. A broken link or anchor is an error; --quiet would hide it. The page to open is
 # reports/out/site/index.html; it needs no server.
 site: export NO_MKDOCS_2_WARNING := 1
 site: $(READY)
 	$(BIN)/python -m docs.assemble reports/out/docs
-	$(BIN)/mkdocs build --strict --quiet
+	$(BIN)/mkdocs build --strict
 
 # Needs Chromium and a software renderer.
 pictures: demo

@@ -79,8 +79,10 @@ class Site:
             target = (source.parent / match[2]).resolve()
             if target.is_dir():
                 target /= "README.md"
+                if not target.exists():
+                    return match[1]
             if not target.exists():
-                return match[1]
+                return match[0]  # MkDocs reports it
             relative = os.path.relpath(self._place(target), place.parent)
             return f"[{match[1]}]({relative}{match[3] or ''})"
 

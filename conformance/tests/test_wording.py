@@ -2,6 +2,8 @@
 
 import ast
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +17,14 @@ from scaraspec.mutants import controller as controller_mutants
 
 PAGES = sorted(
     file
-    for pattern in ("*.md", "docs/**/*.md", "spec/README.md", "spec/glossary.md", "bench/*.md")
+    for pattern in (
+        "*.md",
+        "docs/**/*.md",
+        "spec/README.md",
+        "spec/glossary.md",
+        "bench/*.md",
+        "fixtures/drivers/*.md",
+    )
     for file in ROOT.glob(pattern)
     if file.name != "README.zh-CN.md"
 )
@@ -41,6 +50,23 @@ def test_pages(page: Path) -> None:
     """README, CHANGELOG and documentation avoid the listed words."""
     found = {match.group() for match in AVOIDED.finditer(page.read_text("utf-8"))}
     assert not found
+
+
+def test_spelling() -> None:
+    """codespell finds no typing error; `[tool.codespell]` in pyproject.toml lists exceptions."""
+    checked = (
+        *(str(page) for page in PAGES),
+        "conformance/scaraspec",
+        "recorder/scaraspec_recorder",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "codespell_lib", "--skip", "*.json,*.pyc", *checked],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def _helps(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
