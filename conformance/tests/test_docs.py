@@ -1,6 +1,7 @@
 """Paths and commands in the documentation exist."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -66,3 +67,9 @@ def test_make_targets() -> None:
     }
     rules = "\n".join(line for line in makefile.splitlines() if re.match(r"[\w .-]+:", line))
     assert {target for target in named if not re.search(rf"\b{target}\b", rules)} == set()
+
+
+def test_picture_of_the_packages() -> None:
+    """`make pictures` draws it from the contract in pyproject.toml."""
+    packages = runpy.run_path(f"{ROOT / 'docs/pictures.py'}")["packages"]
+    assert (ROOT / "docs/packages.svg").read_text("utf-8").splitlines() == list(packages())
