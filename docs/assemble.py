@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from docs.reference import PAGES
+from pymdownx.slugs import slugify  # type: ignore[import-untyped] # it ships no types
 
 ROOT: Final = Path(__file__).parents[1]
 COPIED: Final = {
@@ -35,6 +36,8 @@ COPIED: Final = {
 _LINK: Final = re.compile(r"\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 _OTHER_LANGUAGE: Final = re.compile(r"^\[(?:中文|English)\]\(.*\)\n\n", re.MULTILINE)
 """The link to the same page in the other language; the site has a switch for the language."""
+_HEADING: Final = re.compile(r"^##+ (.+)$", re.MULTILINE)
+_CHINESE: Final = ".zh.md"
 _FENCED: Final = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 
 
@@ -86,7 +89,10 @@ class Site:
             relative = os.path.relpath(self._place(target), place.parent)
             return f"[{match[1]}]({relative}{match[3] or ''})"
 
-        parts = _FENCED.split(_OTHER_LANGUAGE.sub("", source.read_text("utf-8")))
+        text = _OTHER_LANGUAGE.sub("", source.read_text("utf-8"))
+        if source.name.endswith(_CHINESE):
+            text = _with_anchors(text, source.with_name(source.name.replace(_CHINESE, ".md")))
+        parts = _FENCED.split(text)
         return "".join(
             part if index % 2 else _LINK.sub(link, part) for index, part in enumerate(parts)
         )
@@ -98,6 +104,23 @@ class Site:
             self._copy(target, place)
             self._pages[target] = place
         return self._pages[target]
+
+
+def _with_anchors(text: str, english: Path) -> str:
+    """Return a Chinese page whose sections have the anchors of the English page, too.
+
+    English pages without a translation are part of the Chinese site, and link to these anchors.
+    """
+    headings = iter(_HEADING.findall(_FENCED.sub("", english.read_text("utf-8"))))
+    slug = slugify(case="lower")
+
+    def anchor(match: re.Match[str]) -> str:
+        return f'<a id="{slug(next(headings), "-")}"></a>\n\n{match[0]}'
+
+    parts = _FENCED.split(text)
+    return "".join(
+        part if index % 2 else _HEADING.sub(anchor, part) for index, part in enumerate(parts)
+    )
 
 
 _SITE_FILES: Final = {".md", ".png", ".svg", ".css", ".js"}

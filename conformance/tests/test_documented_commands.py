@@ -106,8 +106,8 @@ def test_options(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", TRANSLATED, ids=_name)
-def test_translation_has_the_same_blocks(page: Path) -> None:
-    """A Chinese page has the commands and files of the English page; comments are translated."""
+def test_translation(page: Path) -> None:
+    """A Chinese page has the sections, tables, commands and files of the English page."""
     english = page.with_name(page.name.replace(".zh.md", ".md"))
 
     def plain(page: Path) -> list[tuple[str, str, str]]:
@@ -116,3 +116,9 @@ def test_translation_has_the_same_blocks(page: Path) -> None:
         ]
 
     assert plain(page) == plain(english)
+    for lines in (r"^##+ ", r"^\| ", r"^\|---"):
+        counts = {
+            len(re.findall(lines, each.read_text("utf-8"), re.MULTILINE))
+            for each in (page, english)
+        }
+        assert len(counts) == 1, lines
