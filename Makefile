@@ -37,8 +37,8 @@ test-lowest: LOWEST := .venv/lowest/bin/python
 test-lowest: $(READY)
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv venv --quiet --clear .venv/lowest
-	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct \
-	  --editable '.[all]' 'jsonschema>=4.23' 'junitparser>=3.2' 'pytest-html>=4.1' \
+	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct --group docs \
+	  --editable '.[all]' 'codespell>=2.4' 'jsonschema>=4.23' 'junitparser>=3.2' 'pytest-html>=4.1' \
 	  'pytest-randomly>=3.16' 'pytest-timeout>=2.3' 'pytest-xdist>=3.6' 'pyyaml>=6.0.2'
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal -m runs
