@@ -161,6 +161,7 @@ class SinkRunner:
         self._mark_requests: int = reader.state.get("asked", 0)
         self._now_ns = now_ns
         self._ticked_ns = now_ns()
+        self._delayed_ns: int | None = None
         self.progress = Progress.read(reader.state)
         state = reader.state
         if self.progress.finished:  # that recording is complete; only its spool remains
@@ -195,12 +196,23 @@ class SinkRunner:
         self._write_events(self._event_builder.take(records))
         now_ns = self._now_ns()
         since_ns = now_ns - self._ticked_ns  # negative if the clock was set back
-        waits = 0 <= since_ns < MAX_TICK_NS and self._folder.delays_tick
-        if not 0 <= since_ns < TICK_NS and not waits:
+        if not 0 <= since_ns < TICK_NS and not self._delays_tick(now_ns):
             self._forward_mark_request()
             self._tick(now_ns)
             self._acknowledge()
         return bool(records)
+
+    def _delays_tick(self, now_ns: int) -> bool:
+        """Whether a tick that is due waits for the end of a frame.
+
+        The limit counts from the first delay and not from the last tick: if this process has not
+        run for a second, the frame may have just begun.
+        """
+        if not self._folder.delays_tick:
+            return False
+        if self._delayed_ns is None:
+            self._delayed_ns = now_ns
+        return 0 <= now_ns - self._delayed_ns < MAX_TICK_NS - TICK_NS
 
     def finish(self) -> None:
         """Close open connections and the sinks. No more records follow."""
@@ -224,6 +236,7 @@ class SinkRunner:
 
     def _tick(self, now_ns: int) -> None:
         self._ticked_ns = now_ns
+        self._delayed_ns = None
         for sink in self._sinks:
             sink.tick(now_ns)
 

@@ -329,6 +329,21 @@ def test_a_tick_waits_for_the_end_of_a_frame(bench: Bench) -> None:
     assert durable == [0, 0, 0, 1]
 
 
+def test_a_tick_waits_for_a_frame_after_a_pause_of_the_process(bench: Bench) -> None:
+    """The frame may have just begun: masking it now would change the frames of the capture."""
+    sink = RecordingSink()
+    runner = bench.runner(sink)
+    unfinished = [True]
+    runner._folder.delay_ticks_while(lambda: bool(unfinished))
+    bench.put(Kind.OPENED)
+    bench.now_ns += 3 * MAX_TICK_NS
+    bench.tick(runner)
+    assert sink.durable == 0
+    unfinished.clear()
+    bench.tick(runner)
+    assert sink.durable == 1
+
+
 def test_unwritten_bytes_are_counted(bench: Bench) -> None:
     """Also if the writer process has never written, or has written the recording before."""
     bench.put(Kind.OPENED, payload=b"a > b")
