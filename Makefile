@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures test-tutorial check bench soak trust site pictures prove spec format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures test-tutorial check bench soak trust site pictures prove spec messages format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -160,6 +160,10 @@ spec: $(READY)
 	$(BIN)/python spec/generate.py
 	$(BIN)/python -m scaraspec.mutants.recorded_runs
 	$(BIN)/python spec/mandatory.py
+
+# Brings the catalogues of translations and docs/translation.md up to date with the code.
+messages: $(READY)
+	$(BIN)/python docs/messages.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix

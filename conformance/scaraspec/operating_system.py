@@ -1,4 +1,4 @@
-"""Calls that depend on the operating system: the folders, locks, private files, signals.
+"""Calls that depend on the operating system: folders, locks, private files, signals, locale.
 
 No other module of the package `scaraspec` chooses between operating systems.
 """
@@ -14,6 +14,8 @@ from filelock import FileLock, Timeout
 
 _PRIVATE_FOLDER = 0o700
 _PRIVATE_FILE = 0o600
+_PRIMARY_LANGUAGE = 0x3FF  # of a Windows language identifier
+_WINDOWS_CHINESE = 0x04
 
 
 def state_directory() -> Path:
@@ -90,3 +92,18 @@ def ending_signals() -> tuple[signal.Signals, ...]:
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
             numbers.append(signal.SIGHUP)
     return tuple(numbers)
+
+
+def user_locale() -> str:
+    """Return the locale of messages, such as ``zh_CN.UTF-8``; empty if the user has set none.
+
+    On Windows, which has no such variables, it is ``zh`` if that is the language of the user
+    interface.
+    """
+    named = (os.environ.get(name) for name in ("LC_ALL", "LC_MESSAGES", "LANG"))
+    if (chosen := next(filter(None, named), "")) or os.name != "nt":
+        return chosen
+    import ctypes  # noqa: PLC0415 - needed on Windows only
+
+    language = ctypes.CDLL("kernel32").GetUserDefaultUILanguage() & _PRIMARY_LANGUAGE
+    return "zh" if language == _WINDOWS_CHINESE else ""

@@ -1,8 +1,8 @@
 """User message: a sentence for the user, kept with its template and its named values.
 
 The template identifies the message, as the source text does in gettext. So results can be compared
-by template and values, and translated later. A constant sentence is its own template and needs no
-`UserMessage`.
+by template and values, and `translation` translates them when they are displayed. A constant
+sentence is its own template and needs no `UserMessage`.
 """
 
 from typing import Any, Self
@@ -17,7 +17,7 @@ class UserMessage(str):
 
     Attributes:
         template: See above.
-        values: The values by name, as they are shown.
+        values: The values by name, as they are shown; a value that is a message stays one.
 
     Raises:
         KeyError: The template names a value that is not given.
@@ -30,7 +30,7 @@ class UserMessage(str):
 
     def __new__(cls, template: str, /, **values: Any) -> Self:
         """Format the template."""
-        shown = {name: str(value) for name, value in values.items()}
+        shown = {name: _shown(value) for name, value in values.items()}
         return cls.of(template.format(**values), template, shown)
 
     @classmethod
@@ -60,3 +60,15 @@ class UserMessage(str):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the rendered text: a value that became text does not fit ``{value:.1f}``."""
         return self.of, (str(self), self.template, self.values)
+
+
+def sentence_of(error: BaseException) -> str:
+    """Return the message of an error, with its template if it has one."""
+    sentence = error.args[0] if len(error.args) == 1 else None
+    return sentence if isinstance(sentence, UserMessage) else f"{error}"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, BaseException):
+        return sentence_of(value)
+    return value if isinstance(value, UserMessage) else str(value)

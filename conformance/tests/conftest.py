@@ -1,6 +1,7 @@
 """Settings of hypothesis, and fixtures for all tests of the suite."""
 
 import gc
+import os
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -9,9 +10,12 @@ from zlib import crc32
 import pytest
 from hypothesis import settings
 
+from scaraspec.translation import VARIABLE
+
 # A failure prints the blob that reproduces it; examples are the same on every computer.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
+os.environ[VARIABLE] = "en"  # tests read messages, whatever the locale of the developer
 
 _numbers = count()
 

@@ -1,6 +1,7 @@
 """Settings of hypothesis, and fixtures for all tests of the recorder: traffic to record."""
 
 import math
+import os
 from collections.abc import Callable
 from dataclasses import fields
 from datetime import datetime
@@ -17,11 +18,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.translation import VARIABLE
 from scaraspec_recorder.spool.forwarded_chunks import ForwardedChunk
 
 # A failure prints the blob that reproduces it; examples are the same on every computer.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
 settings.load_profile("scaraspec")
+os.environ[VARIABLE] = "en"  # tests read messages, whatever the locale of the developer
 
 START_NS = 1_795_215_517_000_000_000
 PASSWORD = b"open sesame"

@@ -22,7 +22,6 @@ from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Tool
-from scaraspec.report.translations import Language
 from scaraspec.tables.archive.errors import ArchiveError
 from scaraspec.tables.archive.query import query
 from scaraspec.tables.archive.report import render
@@ -31,6 +30,7 @@ from scaraspec.tables.files import TableFolder
 from scaraspec.tables.rows import RowBuilder
 from scaraspec.tables.schema import FileRow
 from scaraspec.traffic.events import TrafficEvent
+from scaraspec.translation import Language
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.child_process import ignore_signals
 from scaraspec_recorder.errors import CaptureError
@@ -329,7 +329,7 @@ def query_archive(store: str, sql: str) -> tuple[list[str], list[tuple[Any, ...]
 
 
 def archive_report(
-    store: str, file: Path, *, since: date | None = None, language: Language = Language.ENGLISH
+    store: str, file: Path, *, since: date | None = None, language: Language | None = None
 ) -> None:
     """Write a page about all robots in an archive: verdicts by day, new findings, latency.
 
@@ -338,7 +338,7 @@ def archive_report(
         file: The page to write.
         since: Kinds of findings that first occurred on this day (UTC) or later are new. None for
             the last seven days of the archive.
-        language: The language that is shown first; the page contains both.
+        language: The language that is shown first; None for the display language.
 
     Raises:
         ArchiveError: The archive cannot be used, or has no capture yet.

@@ -20,10 +20,10 @@ from scaraspec.report.certificate import Certificate, render
 from scaraspec.report.codec import InvalidValueError, from_plain, to_plain
 from scaraspec.report.files import write_new
 from scaraspec.report.model import Results, ResultsError, Role, Tool
-from scaraspec.report.translations import Language
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
 from scaraspec.suite.engine.plan import Options
+from scaraspec.translation import Language
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 
@@ -327,14 +327,14 @@ def verify_package(
 
 
 def write_certificate(
-    verification: Verification, path: Path, language: Language = Language.ENGLISH
+    verification: Verification, path: Path, language: Language | None = None
 ) -> None:
     """Write the page of a verified package: a certificate, or a test report if not conformant.
 
     Args:
         verification: The verification of the package.
         path: The HTML page to write; it must not exist.
-        language: The language that the page shows first.
+        language: The language that the page shows first; None for the display language.
 
     Raises:
         PackageError: The package is refused, or its results are inconclusive.

@@ -28,7 +28,7 @@ from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 class StartError(Exception):
@@ -314,7 +314,7 @@ def write_results(
         try:
             files.finish(results)
         except RunFolderError as error:
-            raise IncompleteFilesError(results, f"{error}") from None
+            raise IncompleteFilesError(results, sentence_of(error)) from None
         if certification and files.path:
             try:
                 write_package(certification, files.path, run.adapter.ics)

@@ -13,12 +13,11 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from scaraspec.cli.options import capture_port
+from scaraspec.cli.options import capture_port, language_option
 from scaraspec.cli.problems import require_replaceable, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
-from scaraspec.report.translations import Language
 from scaraspec.tables.archive.errors import ArchiveError
 
 EXAMPLE = "Example: scaraspec archive build captures --to archive"
@@ -117,14 +116,8 @@ def query(store: str, sql: str, *, as_csv: bool) -> None:
     type=click.DateTime(["%Y-%m-%d"]),
     help="Kinds of findings are new from this day on; default: the last seven days.",
 )
-@click.option(
-    "--language",
-    type=click.Choice([each.value for each in Language]),
-    default=Language.ENGLISH.value,
-    show_default=True,
-    help="Language that the page shows first.",
-)
-def report(store: str, *, out: Path, since: datetime | None, language: str) -> None:
+@language_option
+def report(store: str, *, out: Path, since: datetime | None) -> None:
     """Write a page about all robots in the archive STORE.
 
     It has the verdicts by robot and day, new kinds of findings, the latency by week, the versions
@@ -134,9 +127,7 @@ def report(store: str, *, out: Path, since: datetime | None, language: str) -> N
     with _user_errors():
         from scaraspec.api.archives import archive_report  # noqa: PLC0415 - an optional extra
 
-        archive_report(
-            store, out, since=since.date() if since else None, language=Language(language)
-        )
+        archive_report(store, out, since=since.date() if since else None)
 
 
 def _cell(value: Any) -> str:

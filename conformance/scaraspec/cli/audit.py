@@ -10,7 +10,12 @@ from rich.console import Console
 
 from scaraspec.api.auditing import audit
 from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
-from scaraspec.cli.options import capture_port, given_options, selection_options
+from scaraspec.cli.options import (
+    capture_port,
+    given_options,
+    language_option,
+    selection_options,
+)
 from scaraspec.cli.problems import Problem, require_replaceable, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.requirements import UnknownRequirementError, select
@@ -19,9 +24,9 @@ from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
 from scaraspec.report.sanitizing import visible, visible_line
-from scaraspec.report.translations import Language
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.traffic.selection import Selection
+from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
@@ -32,7 +37,7 @@ _PATH = click.Path(path_type=Path)
 _ROLES = {"controller": Role.CONTROLLER, "client": Role.CLIENT, "both": Role.CAPTURE, None: None}
 _JSON_MARK = ' "run": null,\n "schema": "scaraspec.results/'
 _HTML_MARK = '<meta name="generator" content="scaraspec audit">'
-_OUTPUT = ("json_file", "html_file", "language", "jobs")
+_OUTPUT = ("json_file", "html_file", "jobs")
 
 
 @click.command(epilog=EXAMPLE)
@@ -68,12 +73,7 @@ _OUTPUT = ("json_file", "html_file", "language", "jobs")
 )
 @click.option("--json", "json_file", type=_PATH, help="Write results.json here.")
 @click.option("--html", "html_file", type=_PATH, help="Write the report here.")
-@click.option(
-    "--language",
-    type=click.Choice([each.value for each in Language]),
-    default=Language.ENGLISH.value,
-    help="Language in which the report opens.",
-)
+@language_option
 def command(  # noqa: PLR0913 - one for each option
     paths: tuple[Path, ...],
     port: int | None,
@@ -90,7 +90,6 @@ def command(  # noqa: PLR0913 - one for each option
     jobs: int | None,
     json_file: Path | None,
     html_file: Path | None,
-    language: str,
 ) -> None:
     """Judge captures: MCAP recordings, or pcap and pcapng of any client and controller.
 
@@ -116,7 +115,7 @@ def command(  # noqa: PLR0913 - one for each option
         if len(captures) > 1:
             _audit_several(captures, jobs, words, options, outputs=(json_file, html_file))
         files = captures[0]
-        with shown_share("judging") as progress:
+        with shown_share(localized("judging")) as progress:
             results, notes = audit(
                 files,
                 **options,
@@ -126,13 +125,13 @@ def command(  # noqa: PLR0913 - one for each option
         if json_file:
             results.write(json_file)
         if html_file:
-            html.write(results, html_file, Language(language))
+            html.write(results, html_file)
     except (CaptureError, IcsError, LinkError, ReadingError, UnknownRequirementError) as error:
         raise unreadable(error) from None
     except OSError as error:
         raise unwritable(error) from None
     for note in notes:
-        click.echo(visible(f"{files[0]}: {note}"), err=True)
+        click.echo(visible(f"{files[0]}: {localized(note)}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)
 
@@ -159,14 +158,14 @@ def _audit_several(
             )
         )
     audited: list[AuditedCapture] = []
-    with shown_share("judging", "captures") as progress:
+    with shown_share(localized("judging"), localized("captures")) as progress:
         progress(0, len(captures))
         for each in audit_all(captures, jobs=jobs or 0, arguments=words, **options):
             audited.append(each)
             progress(len(audited), len(captures))
     for each in audited:
         for note in each.notes:
-            click.echo(visible_line(f"{each.title}: {note}"), err=True)
+            click.echo(visible_line(f"{each.title}: {localized(note)}"), err=True)
     terminal.show_captures(((a.title, a.results, a.error) for a in audited), Console())
     raise SystemExit(_exit_status(audited))
 

@@ -9,6 +9,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.driver import serve
 from scaraspec.protocol.readings import Dialect, ReadingError
+from scaraspec.user_message import sentence_of
 
 EXAMPLE = "Example: scaraspec certify client --driver 'scaraspec client-driver'"
 
@@ -37,7 +38,7 @@ def command(
     try:
         dialect = Dialect.parse(readings)
     except ReadingError as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     times = {"xfer_timeout": transfer_timeout, "reply_timeout": reply_timeout}
     dialect = dialect.replace(**{key: f"{s:g}" for key, s in times.items() if s is not None})
     asyncio.run(serve(lambda url, password: AsyncClient(url, password=password, dialect=dialect)))

@@ -13,7 +13,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.results import comparison_report
 from scaraspec.results.comparison import compare
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.errors import CaptureError
 
 EXAMPLE = "Example: scaraspec compare monday.mcap tuesday.mcap"
@@ -74,7 +74,7 @@ def _compare_captures(
     try:
         comparison = compare_captures(before, after, port=port)
     except CaptureError as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     for line in comparison_report.capture_lines(comparison):
         click.echo(visible_line(line))
     with user_errors(worse=comparison.differs):

@@ -23,7 +23,7 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import Serial, join_host_port, parse, split_host_port
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec.virtual_controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.virtual_controller.console import Console
 from scaraspec.virtual_controller.core import ControllerCore
@@ -122,7 +122,7 @@ def command(  # noqa: PLR0913 - one for each option
         dialect = Dialect.parse(readings)
         store = _store(password, data, programs)
     except (LinkError, ReadingError, StoreError) as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
     make = _core(fault if mutant is None else mutant)
     core = make(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
@@ -206,7 +206,7 @@ async def _begin(server: Server, options: _Options) -> None:
         try:
             SerialPort(server, *options.serial)
         except SerialPortError as error:
-            raise Problem(str(error)) from None
+            raise Problem(sentence_of(error)) from None
     if options.control:
         Console(server, sys.stdin.fileno(), click.echo)
     where = join_host_port(host, port)

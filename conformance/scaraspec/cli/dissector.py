@@ -4,6 +4,7 @@ import click
 
 from scaraspec.cli.problems import Problem, unwritable
 from scaraspec.dissectors import wireshark as lua
+from scaraspec.user_message import sentence_of
 
 EXAMPLE = "Example: scaraspec dissector --wireshark --install"
 
@@ -22,7 +23,7 @@ def command(*, wireshark: bool, install: bool) -> None:  # noqa: ARG001 - it nam
     try:
         path = lua.install()
     except lua.ForeignFileError as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     except OSError as error:
         raise unwritable(error) from None
     click.echo(f"{path}")

@@ -20,11 +20,13 @@ from scaraspec.report.formatting import duration
 from scaraspec.report.model import CommandSeen, Timing
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.report.session import SessionStats
+from scaraspec.report.terminal import comparison
 from scaraspec.tables.files import json_line, table_folders, utc_text
 from scaraspec.tables.rows import SIDES, RowBuilder
 from scaraspec.tables.schema import TABLES, FrameRow, Row
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
 from scaraspec.traffic.selection import Selection, place_of
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks import text as event_text
@@ -90,7 +92,7 @@ def command(  # noqa: PLR0913 - one for each option
             rows.outputs.append(lambda row: click.echo(json_line(row)))
         with (
             table_folders(folders, names) as tables,
-            shown_share("reading", hidden=hidden) as progress,
+            shown_share(localized("reading"), hidden=hidden) as progress,
         ):
             rows.outputs += [each.add for each in tables]
             reading = _read(capture, selected, takers, progress)
@@ -100,7 +102,7 @@ def command(  # noqa: PLR0913 - one for each option
     if latency:
         _print_latencies(rows.stats)
     for note in capture.notes:
-        click.echo(visible_line(f"{file}: {note}"), err=True)
+        click.echo(visible_line(f"{file}: {localized(note)}"), err=True)
     if not capture.complete:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
     if not reading.steps:
@@ -245,21 +247,20 @@ class _Text:
 
 
 def _finding_text(finding: Finding) -> str:
-    compared = [
-        f"{name} {value}"
-        for name, value in (("expected", finding.expected), ("observed", finding.observed))
-        if value
-    ]
-    more = f" ({'; '.join(compared)})" if compared else ""
-    return f"{finding.verdict.value} {finding.requirement}: {finding.message}{more}"
+    compared = comparison(localized(finding.expected), localized(finding.observed))
+    more = f" ({compared})" if compared else ""
+    verdict, message = localized(finding.verdict.value), localized(finding.message)
+    return f"{verdict} {finding.requirement}: {message}{more}"
 
 
 def _print_latencies(stats: SessionStats) -> None:
     """Print how long first replies and final results took, for each command."""
     session = stats.session()
     table = Table(box=None, pad_edge=False)
-    for heading in ("command", "stage", "count", "p50", "p95", "p99", "max"):
-        table.add_column(heading, justify="left" if heading in ("command", "stage") else "right")
+    for heading in map(localized, ("command", "stage")):
+        table.add_column(heading)
+    for heading in (localized("count"), "p50", "p95", "p99", localized("max")):
+        table.add_column(heading, justify="right")
     for seen, stage, timing in _timings(session.exchanges if session else ()):
         times = (timing.p50_ms, timing.p95_ms, timing.p99_ms, timing.max_ms)
         shown = ("" if each is None else duration(each) for each in times)
@@ -269,6 +270,9 @@ def _print_latencies(stats: SessionStats) -> None:
 
 def _timings(commands: tuple[CommandSeen, ...]) -> Iterator[tuple[CommandSeen, str, Timing]]:
     for seen in commands:
-        for stage, timing in (("first reply", seen.latency), ("final result", seen.duration)):
+        for stage, timing in (
+            (localized("first reply"), seen.latency),
+            (localized("final result"), seen.duration),
+        ):
             if timing:
                 yield seen, stage, timing

@@ -16,7 +16,7 @@ from scaraspec.report.sanitizing import visible_line
 from scaraspec.suite.engine.ics import UnreadableIcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.transports.link import LinkError
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 EXAMPLE = "Example: scaraspec ics new tcp://192.168.1.2 --out ics.toml"
 
@@ -94,6 +94,6 @@ def _user_errors() -> Iterator[None]:
     try:
         yield
     except (UnreadableIcsError, LinkError, JournalError) as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     except (ControllerBusyError, StartError) as error:
-        raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
+        raise Problem(sentence_of(error), ExitStatus.INCONCLUSIVE) from None

@@ -11,10 +11,18 @@ import traceback
 
 import click
 
+from scaraspec.cli.help import LocalizedContext, in_display_language
+from scaraspec.cli.options import language_option
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.stdio import ending_alike, outliving_readers
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
+from scaraspec.translation import (
+    localized,
+    preferred_language,
+    set_display_language,
+    translated_error,
+)
 
 COMMANDS = {
     "archive": "Keep the traffic of many robots in one archive, and query it.",
@@ -49,6 +57,8 @@ COMMANDS = {
 class _Lazy(click.Group):
     """A group that imports a command only when it is called."""
 
+    context_class = LocalizedContext
+
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         return list(COMMANDS)
 
@@ -58,7 +68,7 @@ class _Lazy(click.Group):
         module = importlib.import_module(f"scaraspec.cli.{cmd_name.replace('-', '_')}")
         command = module.command
         assert isinstance(command, click.Command)
-        return command
+        return in_display_language(command)
 
     def invoke(self, ctx: click.Context) -> object:
         try:
@@ -66,13 +76,17 @@ class _Lazy(click.Group):
         except KeyboardInterrupt:  # click would exit with 1, which means nonconformant
             raise Problem("interrupted", ExitStatus.INCONCLUSIVE) from None
 
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super(_Lazy, in_display_language(self)).format_help(ctx, formatter)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        with formatter.section(localized("Commands")):
+            formatter.write_dl([(name, localized(text)) for name, text in COMMANDS.items()])
 
 
 @click.command(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="scaraspec", prog_name="scaraspec")
+@language_option
 def group() -> None:
     """Certify, record and gate UISR4200S robot traffic.
 
@@ -82,17 +96,18 @@ def group() -> None:
 
 def main() -> None:
     """Run the command line. README.md lists the exit statuses."""
+    set_display_language(preferred_language())
     with outliving_readers(), ending_alike():
         try:
             group(prog_name="scaraspec")
         except Problem as problem:
-            _print_error(f"{problem}")
+            _print_error(translated_error(problem))
             sys.exit(problem.exit_status)
         except OSError as error:
-            _print_error(f"{error}")
+            _print_error(translated_error(error))
         except Exception:  # noqa: BLE001 - Python would exit with 1, which means nonconformant
             traceback.print_exc()
-            _print_error("this is a defect of scaraspec; please report it")
+            _print_error(localized("this is a defect of scaraspec; please report it"))
         sys.exit(ExitStatus.INCONCLUSIVE)
 
 

@@ -10,6 +10,7 @@ from scaraspec.api.run_folder import RunFolderError, write_results
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import results_in, user_errors
 from scaraspec.report import terminal
+from scaraspec.user_message import sentence_of
 
 EXAMPLE = "Example: scaraspec merge run-1 run-2 --out merged"
 
@@ -34,7 +35,7 @@ def command(paths: tuple[Path, ...], *, out: Path) -> None:
             results = merge([results_in(path) for path in paths])
             write_results(results, out)
         except (MergeError, RunFolderError) as error:
-            raise Problem(str(error)) from None
+            raise Problem(sentence_of(error)) from None
     terminal.show(results, Console())
     click.echo(f"{out}/report.html")
     raise SystemExit(results.verdict.exit_status)

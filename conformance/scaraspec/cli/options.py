@@ -14,6 +14,7 @@ from scaraspec.cli.vocabulary import PASSWORD_SOURCE
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.tables.files import utc_text
+from scaraspec.translation import VARIABLE, Language, localized, set_display_language
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.units import SECOND_NS, QuantityError, parse_duration
 
@@ -29,7 +30,7 @@ class Real(click.FloatRange):
         """Convert the text to a number."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(UserMessage("{value!r} is not a number.", value=value), param, ctx)
+            self.fail(localized("{value!r} is not a number.", value=value), param, ctx)
         return number
 
 
@@ -47,7 +48,7 @@ class Duration(click.ParamType[float]):
         try:
             return parse_duration(value) / SECOND_NS
         except QuantityError as error:
-            self.fail(UserMessage("{error}.", error=error), param, ctx)
+            self.fail(localized("{error}.", error=error), param, ctx)
 
     def to_text(self, value: float) -> str:
         """Return the text of a value."""
@@ -75,7 +76,7 @@ class Instant(click.ParamType[int]):
             message = UserMessage(
                 "{text!r} is not a time: write 2026-11-21T08:15:30.5, or Unix seconds.", text=value
             )
-            self.fail(message, param, ctx)
+            self.fail(localized(message), param, ctx)
 
     def to_text(self, value: int) -> str:
         """Return the text of a value."""
@@ -98,7 +99,7 @@ class Percentage(click.ParamType[float]):
         except ValueError:
             percent = math.nan
         if not 0 <= percent <= 100:  # noqa: PLR2004 - percent
-            self.fail(UserMessage("{value!r} is not a percentage.", value=value), param, ctx)
+            self.fail(localized("{value!r} is not a percentage.", value=value), param, ctx)
         return percent
 
 
@@ -140,7 +141,7 @@ def given_options(
     """
     for option in context.command.params:
         name = option.name or ""
-        if not isinstance(option, click.Option) or name in without:
+        if not isinstance(option, click.Option) or name in without or not option.expose_value:
             continue
         given = context.get_parameter_source(name) is not ParameterSource.DEFAULT
         value = context.params[name]
@@ -170,7 +171,7 @@ class CommandNames(click.ParamType[frozenset[str]]):
                 message = UserMessage(
                     "{name!r} is not a command: see scaraspec call --help.", name=name
                 )
-                self.fail(message, param, ctx)
+                self.fail(localized(message), param, ctx)
         return names
 
     def to_text(self, value: frozenset[str]) -> str:
@@ -209,3 +210,19 @@ capture_port: Final = click.option(
     "connection of this protocol.",
 )
 """The port of the connections to read in a packet capture; None for all of this protocol."""
+
+
+def _use_language(_context: click.Context, _option: click.Parameter, language: str | None) -> None:
+    if language:
+        set_display_language(Language(language))
+
+
+language_option = click.option(
+    "--language",
+    type=click.Choice([each.value for each in Language]),
+    is_eager=True,
+    expose_value=False,
+    callback=_use_language,
+    help=f"Language of messages and pages [{VARIABLE}, or that of the locale].",
+)
+"""The option ``--language``, which sets the display language."""

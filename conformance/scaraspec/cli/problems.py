@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.errors import TornCaptureError
 
 _NO_CONTENT: Final = (b"", b"[]")
@@ -23,7 +23,7 @@ class Problem(Exception):  # noqa: N818 - it is a message for the user
 def unreadable(error: Exception) -> Problem:
     """Return the problem for a capture that cannot be read; a torn one is incomplete."""
     torn = isinstance(error, TornCaptureError)
-    return Problem(str(error), ExitStatus.INCONCLUSIVE if torn else ExitStatus.USAGE)
+    return Problem(sentence_of(error), ExitStatus.INCONCLUSIVE if torn else ExitStatus.USAGE)
 
 
 def unwritable(error: OSError, exit_status: ExitStatus = ExitStatus.USAGE) -> Problem:

@@ -7,6 +7,8 @@ from typing import Any
 from rich import progress as bars
 from rich.console import Console
 
+from scaraspec.translation import localized
+
 
 class ProgressBar(bars.Progress):
     """A bar with a count and the elapsed time; nothing is shown if the output is no terminal.
@@ -72,7 +74,7 @@ def shown_share(
     counted = (bars.MofNCompleteColumn(), bars.TextColumn(unit)) if unit else ()
     columns = (
         *(bars.TextColumn(text), bars.BarColumn(), bars.TaskProgressColumn(), *counted),
-        *(bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn("left")),
+        *(bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn(localized("left"))),
     )
     with bars.Progress(*columns, console=console, transient=True, disable=disabled) as bar:
         task = bar.add_task(text, total=None)

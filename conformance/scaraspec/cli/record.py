@@ -28,7 +28,7 @@ from scaraspec.transports.url import (
     parse,
     split_host_port,
 )
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -155,7 +155,7 @@ def command(url: str | None, **options: Any) -> None:
         with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_record(robots, viewer, watches))
     except (ConfigError, UrlError) as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     _print_summary([watch.read_status() for watch in watches])
 
 
@@ -204,7 +204,7 @@ def _metrics(
     try:
         from scaraspec_recorder.monitoring import metrics  # noqa: PLC0415 - an optional extra
     except ImportError as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
 
     @contextlib.contextmanager
     def offered() -> Any:
@@ -216,7 +216,7 @@ def _metrics(
                 click.echo(f"metrics at http://{join_host_port(*found)}/metrics")
                 yield
         except metrics.MetricsError as error:
-            raise Problem(str(error)) from None
+            raise Problem(sentence_of(error)) from None
 
     return offered()
 
@@ -292,7 +292,9 @@ async def _record_one(
         ) from None
     except OSError as error:
         place = f"{' and '.join(robot.listen)} to {robot.out}"
-        reason = (error.strerror or f"{error}").partition(" (while")[0]  # Python adds the address
+        reason = (error.strerror or sentence_of(error)).partition(" (while")[
+            0
+        ]  # Python adds the address
         raise Problem(
             UserMessage("cannot record {place}: {reason}", place=place, reason=reason)
         ) from None

@@ -16,7 +16,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import UrlError
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.replay import MAX_GAP_S, LinkEndedError, ReplayStep
 from scaraspec_recorder.sources.capture import open_capture
@@ -160,7 +160,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
             UserMessage("{url}: {error}", url=url, error=error), ExitStatus.INCONCLUSIVE
         ) from None
     except (LinkError, LoginFailedError) as error:
-        raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
+        raise Problem(sentence_of(error), ExitStatus.INCONCLUSIVE) from None
     for note in source.summary.notes:
         click.echo(visible_line(f"{capture}: {note}"), err=True)
     if source.summary.losses:

@@ -11,7 +11,7 @@ from scaraspec.report.model import Results, ResultsError
 from scaraspec.results.baseline import BaselineError
 from scaraspec.results.findings import OldResultsError, contradiction, failures
 from scaraspec.results.waivers import WaiverError
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 def results_in(path: Path) -> Results:
@@ -52,7 +52,7 @@ def user_errors(*, worse: bool = False) -> Iterator[None]:
     try:
         yield
     except (ResultsError, BaselineError, WaiverError) as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     except OSError as error:
         status = ExitStatus.NONCONFORMANT if worse else ExitStatus.INCONCLUSIVE
         raise unwritable(error, status) from None

@@ -26,6 +26,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S, connect
 from scaraspec.transports.link import Ending, Link, LinkError
 from scaraspec.transports.url import parse
+from scaraspec.user_message import sentence_of
 
 T = TypeVar("T")
 
@@ -107,7 +108,7 @@ class Client(ClientBase):
             try:
                 self._open_link = connect(self._url, self._connect_timeout_s)
             except LinkError as error:
-                raise LinkLost(str(error)) from None
+                raise LinkLost(sentence_of(error)) from None
         if self._password is not None:
             try:
                 self.login(self._password)
@@ -231,4 +232,4 @@ class Client(ClientBase):
         try:
             self._link.send(data)
         except LinkError as error:
-            self._core.connection_lost(str(error), self._link.now_s)
+            self._core.connection_lost(sentence_of(error), self._link.now_s)

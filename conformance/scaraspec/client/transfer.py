@@ -15,7 +15,7 @@ from scaraspec.protocol.fields import PayloadError, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import Chunk, Receiver, Sender, TransferState
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 _UPLOAD_NAME: Final = BY_NAME["upload_name"]
 _UPLOAD_CHUNK: Final = BY_NAME["upload_chunk"]
@@ -151,7 +151,7 @@ class Upload(FileTransfer):
                 )
             )
         except ClientError as error:
-            self._fail_transfer(str(error))
+            self._fail_transfer(sentence_of(error))
         else:
             self._restart_timeout(now_s)
             chunk = self._next(now_s) if self._content else self._next_of_empty_file()
@@ -238,7 +238,7 @@ class Download(FileTransfer):
         except Refused:
             self._fail_transfer("the controller refused the name; the file may not exist (L772)")
         except ClientError as error:
-            self._fail_transfer(str(error))
+            self._fail_transfer(sentence_of(error))
         else:
             self.accepted, self.stage = True, Stage.EXECUTING
             self._receiver = self.receiver(now_s, self._dialect, limit_bytes=self._limit_bytes)

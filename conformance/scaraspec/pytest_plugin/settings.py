@@ -14,6 +14,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.vocabulary import WORDS
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.transports.url import parse
+from scaraspec.user_message import sentence_of
 
 PREFIX: Final = "--scaraspec-"
 _OPTION: Final = re.compile(r"(?<![\w-])--(?=[a-z])")
@@ -61,7 +62,7 @@ def usage_errors() -> Iterator[None]:
     except click.ClickException as error:
         raise _prefixed(error.format_message()) from None
     except Problem as error:
-        raise _prefixed(f"{error}") from None
+        raise _prefixed(sentence_of(error)) from None
 
 
 def _prefixed(message: str) -> pytest.UsageError:

@@ -156,7 +156,7 @@ def _with_count(message: str, count: int, *, incomplete: bool) -> str:
 
 
 def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
+    return UserMessage("once") if count == 1 else UserMessage("{count} times", count=count)
 
 
 def readings_of(

@@ -14,7 +14,7 @@ from scaraspec.report import formatting
 from scaraspec.report.html import environment
 from scaraspec.report.model import Case, Results, Tool
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
-from scaraspec.report.translations import Language
+from scaraspec.translation import Language, display_language
 
 _NOT_OPTIONS: Final = ("certification",)
 """The settings of a run that the page shows elsewhere."""
@@ -62,8 +62,13 @@ class _Violation:
     cases: list[Case]
 
 
-def render(certificate: Certificate, language: Language = Language.ENGLISH) -> str:
-    """Return the page. It contains both languages; `language` is shown first."""
+def render(certificate: Certificate, language: Language | None = None) -> str:
+    """Return the page. It contains both languages.
+
+    Args:
+        certificate: What the page states.
+        language: The language that is shown first; None for the display language.
+    """
     results = certificate.results
     settings = results.run.settings if results.run else {}
     return (
@@ -72,7 +77,7 @@ def render(certificate: Certificate, language: Language = Language.ENGLISH) -> s
         .render(
             certificate=certificate,
             results=results,
-            language=language.value,
+            language=language or display_language(),
             document_sha256=DOCUMENT_SHA256,
             options={k: v for k, v in settings.items() if v and k not in _NOT_OPTIONS},
             second=formatting.second,

@@ -1,8 +1,8 @@
 """report.html: a page for users, in one file that makes no network requests.
 
 This module prepares and orders the results. The layout is in the templates, the texts are in
-`translations` and the coordinates in `plots`. The environment escapes and sanitizes everything
-that a template prints; templates do not.
+`texts` and the coordinates in `plots`. Each text and message is on the page in both languages. The
+environment escapes and sanitizes everything that a template prints; templates do not.
 """
 
 import base64
@@ -14,7 +14,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from scaraspec.judge.requirements import REQUIREMENTS, Requirement
 from scaraspec.judge.verdicts import Verdict
@@ -30,7 +30,8 @@ from scaraspec.report.plots import WIDTH, LatencyPlot, timeline
 from scaraspec.report.root_causes import SummaryLine, summary
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.segments import segments
-from scaraspec.report.translations import CLAUSE_TITLES, TRANSLATIONS, Language, Translation
+from scaraspec.report.texts import CLAUSE_TITLES, TEXTS
+from scaraspec.translation import Language, display_language, translate
 
 _SIGNS: Final = {
     Verdict.FAIL: "✕",
@@ -46,8 +47,8 @@ _NS: Final = 1_000_000_000
 _MAX_TOP_LINES: Final = 5
 
 
-def write(results: Results, path: Path, language: Language = Language.ENGLISH) -> None:
-    """Write report.html atomically.
+def write(results: Results, path: Path, language: Language | None = None) -> None:
+    """Write report.html atomically; the arguments are those of `render`.
 
     Raises:
         OSError: The file cannot be written.
@@ -55,8 +56,13 @@ def write(results: Results, path: Path, language: Language = Language.ENGLISH) -
     write_whole(path, render(results, language))
 
 
-def render(results: Results, language: Language = Language.ENGLISH) -> str:
-    """Return the page. It contains both languages; `language` is shown first."""
+def render(results: Results, language: Language | None = None) -> str:
+    """Return the page. It contains both languages.
+
+    Args:
+        results: The results to show.
+        language: The language that is shown first; None for the display language.
+    """
     cases = most_important_first(results)
     session = results.session
     return (
@@ -64,7 +70,7 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
         .get_template("report.html")
         .render(
             results=results,
-            language=language.value,
+            language=language or display_language(),
             cases=cases,
             top_lines=_top_lines(results, cases),
             clauses=_clauses(results, cases),
@@ -116,25 +122,30 @@ def _clauses(results: Results, cases: list[Case]) -> dict[str, list[_Square]]:
     return clauses
 
 
-@cache
-def _both(translation: Translation) -> Markup:
-    """Return markup that contains both languages; the page shows one."""
+def _both(message: str) -> Markup:
+    """Return a message in both languages, of which the page shows one; once without translation."""
+    english, chinese = visible(message), visible(translate(message, Language.CHINESE))
+    if english == chinese:
+        return escape(english)
     return Markup(
         '<span class="en" lang="en">{}</span><span class="zh" lang="zh">{}</span>'
-    ).format(*translation)
+    ).format(english, chinese)
+
+
+_both_of_text = cache(_both)
 
 
 def _text(key: str, **values: Any) -> Markup:
-    """Return a text of `TRANSLATIONS` in both languages with its values."""
-    markup = _both(TRANSLATIONS[key])
+    """Return a text of `TEXTS` in both languages with its values."""
+    markup = _both_of_text(TEXTS[key])
     return markup.format(**{n: _finalize(v) for n, v in values.items()}) if values else markup
 
 
-def _attribute(name: str, key: str, language: str) -> Markup:
+def _attribute(name: str, key: str, language: Language) -> Markup:
     """Return an attribute in the first language, with the data for the language switch."""
-    translation = TRANSLATIONS[key]
-    return Markup('{0}="{1}" data-attribute="{0}" data-en="{2.en}" data-zh="{2.zh}"').format(
-        name, getattr(translation, language), translation
+    text = TEXTS[key]
+    return Markup('{0}="{1}" data-attribute="{0}" data-en="{2}" data-zh="{3}"').format(
+        name, translate(text, language), text, translate(text, Language.CHINESE)
     )
 
 
@@ -162,8 +173,8 @@ def environment() -> Environment:
         "attribute": _attribute,
         "both": _both,
         "clause_titles": CLAUSE_TITLES,
-        "codes": {text: Translation(c.meaning, c.original) for text, c in TABLE_8_1.items()},
-        "command_words": {n: Translation(c.title, c.original) for n, c in BY_NAME.items()},
+        "codes": {text: code.meaning for text, code in TABLE_8_1.items()},
+        "command_words": {name: command.title for name, command in BY_NAME.items()},
         "count": formatting.count,
         "directions": tuple(Direction),
         "duration": formatting.duration,
@@ -172,6 +183,7 @@ def environment() -> Environment:
         "requirements": REQUIREMENTS,
         "link_to": lambda file: quote(file, safe="/"),
         "text": _text,
+        "translate": translate,
         "repeating_script": reproduction.script_path,
         "script": Markup(script),  # noqa: S704 - our own file
         "script_digest": digest,
@@ -181,6 +193,6 @@ def environment() -> Environment:
         "steps": reproduction.steps,
         "style": Markup(style),  # noqa: S704 - our own file
         "width": WIDTH,
-        "words": TRANSLATIONS,
+        "words": TEXTS,
     }
     return created

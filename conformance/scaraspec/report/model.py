@@ -437,13 +437,22 @@ class Results:
     @property
     def label(self) -> str:
         """The conclusion in words; if not everything was judged, with the coverage."""
-        text = self.verdict.value.replace("-", " ")
         if self.missing:
-            return f"no violation found in what was recorded ({self.missing})"
+            return UserMessage(
+                "no violation found in what was recorded ({missing})", missing=self.missing
+            )
+        text: str = UserMessage(self.verdict.value.replace("-", " "))
         if self.verdict is Conclusion.NO_VIOLATION:
-            text += f" ({self.judged} of {len(self.requirements)} requirements judged)"
+            text = UserMessage.joined(
+                text,
+                " ({judged} of {total} requirements judged)",
+                judged=self.judged,
+                total=len(self.requirements),
+            )
         unsupported = self.subject.claims.get("lacks", "")
-        return f"{text}, without {unsupported}" if unsupported and self.verdict.good else text
+        if unsupported and self.verdict.good:
+            return UserMessage.joined(text, ", without {unsupported}", unsupported=unsupported)
+        return text
 
     @property
     def examples(self) -> int:

@@ -20,6 +20,7 @@ from scaraspec.report.evidence import HIDDEN_VALUE
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, Evidence, Results, Role
 from scaraspec.report.sanitizing import visible
+from scaraspec.user_message import UserMessage
 
 FOLDER: Final = "reproduce"
 """The folder of the scripts, beside results.json."""
@@ -44,14 +45,18 @@ def steps(case: Case) -> list[str]:
 
 
 def _step(evidence: Evidence) -> str:
-    sender = "client" if evidence.direction is A2C else "controller"
     values = [
         f"{field.name} {field.value}"
         for field in evidence.fields
         if field.name not in _FRAME_PARTS and field.value
     ]
     what = ": ".join(filter(None, (evidence.note or "bytes", ", ".join(values))))
-    return visible(f"connection {evidence.connection}: the {sender} sends {what}")
+    template = (
+        "connection {connection}: the client sends {what}"
+        if evidence.direction is A2C
+        else "connection {connection}: the controller sends {what}"
+    )
+    return UserMessage(template, connection=visible(evidence.connection), what=visible(what))
 
 
 def script_path(case: Case, results: Results) -> str:

@@ -1,14 +1,15 @@
 """The summary on a terminal: tables on a terminal, plain lines otherwise.
 
-It shows the verdict of the run and the most important findings; the HTML page shows the rest. Text
-from the SUT is sanitized: none of its control characters reaches the terminal.
+It shows the verdict of the run and the most important findings in the display language; the HTML
+page shows the rest. Text from the SUT is sanitized: none of its control characters reaches the
+terminal.
 """
 
 import re
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -20,6 +21,8 @@ from scaraspec.report.model import Case, Loss, Results, Role
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
 from scaraspec.report.root_causes import SummaryLine, summary
 from scaraspec.report.sanitizing import visible, visible_line
+from scaraspec.translation import localized
+from scaraspec.user_message import UserMessage
 
 _STYLES: Final = {
     "conformant": "bold green",
@@ -46,7 +49,7 @@ _RANKS: Final = {
 DEFAULT_FINDINGS: Final = 10
 _MAX_LOSSES: Final = 20
 _ADDRESSES: Final = re.compile(r"[^\s(]+ (?:→|>) [^\s,)]+")
-_ABBREVIATIONS: Final = (
+_ABBREVIATIONS: Final = UserMessage(
     "A2C: from the client (application layer) to the controller; "
     "C2A: from the controller (control layer) to the client"
 )
@@ -72,14 +75,20 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         for line in _lines(results, shown):
             console.print(Text(visible_line(line)), soft_wrap=True)
     if hidden:
-        console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
+        console.print(
+            _text(localized("and {count} more findings in the report", count=hidden)),
+            soft_wrap=True,
+        )
     for line in _losses(results):
         console.print(_text(line), soft_wrap=True)
     if results.role is Role.CAPTURE and shown:
-        console.print(_text(_ABBREVIATIONS, "dim"), soft_wrap=True)
+        console.print(_text(localized(_ABBREVIATIONS), "dim"), soft_wrap=True)
         if shown[0].case.moment and _SEVERAL_FILES not in results.subject.file:
             command = shlex.join(["scaraspec", "view", results.subject.file, "--finding", "1"])
-            console.print(_text(f"to see the first finding: {command}", "dim"), soft_wrap=True)
+            console.print(
+                _text(localized("to see the first finding: {command}", command=command), "dim"),
+                soft_wrap=True,
+            )
 
 
 def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: Console) -> None:
@@ -89,32 +98,45 @@ def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: 
         captures: For each capture its name, its results, and why it was not judged.
         console: The output.
     """
-    rows = sorted((_capture_row(*each) for each in captures), key=lambda row: (row[0], row[2]))
+    rows = sorted((_capture_row(*each) for each in captures), key=lambda row: (row.rank, row.name))
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for heading in ("verdict", "capture", "cases", "finding"):
+    for heading in map(localized, ("verdict", "capture", "cases", "finding")):
         table.add_column(heading, overflow="fold")
-    for _, verdict, *texts in rows:
+    for row in rows:
+        texts = (row.name, row.counts, row.finding)
         if console.is_terminal:
-            style = _STYLES.get(verdict.replace(" ", "-"), "bold magenta")
-            table.add_row(_text(verdict, style), *map(_text, texts))
+            style = _STYLES.get(row.verdict.replace(" ", "-"), "bold magenta")
+            table.add_row(_text(localized(row.verdict), style), *map(_text, texts))
         else:
-            line = " · ".join(filter(None, (verdict, *texts)))
+            line = " · ".join(filter(None, (localized(row.verdict), *texts)))
             console.print(Text(visible_line(line)), soft_wrap=True)
     if console.is_terminal:
         console.print(table)
-    counts = Counter(verdict for _, verdict, *_ in rows)
-    total = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    console.print(_text(f"{len(rows)} captures: {total}"), soft_wrap=True)
+    counts = Counter(row.verdict for row in rows)
+    total = ", ".join(f"{count} {localized(verdict)}" for verdict, count in counts.items())
+    line = localized("{count} captures: {total}", count=len(rows), total=total)
+    console.print(_text(line), soft_wrap=True)
 
 
-def _capture_row(name: str, results: Results | None, error: str) -> tuple[int, str, str, str, str]:
-    """Return the rank of a capture, its verdict, its name, its counts and its first finding."""
+class _CaptureRow(NamedTuple):
+    """A line of the summary of several captures, and its rank."""
+
+    rank: int
+    verdict: str
+    name: str
+    counts: str
+    finding: str
+
+
+def _capture_row(name: str, results: Results | None, error: str) -> _CaptureRow:
     if results is None:
-        return _RANKS[Conclusion.INCONCLUSIVE], "not judged", name, "", error
+        rank = _RANKS[Conclusion.INCONCLUSIVE]
+        return _CaptureRow(rank, "not judged", name, "", localized(error))
     lines = summary(results)
     first = f"{_which(lines[0])}: {_what(lines[0].case)}" if lines else ""
     verdict = results.verdict
-    return _RANKS[verdict], verdict.value.replace("-", " "), name, _counts(results), first
+    shown = verdict.value.replace("-", " ")
+    return _CaptureRow(_RANKS[verdict], shown, name, _counts(results), first)
 
 
 def _text(text: str, style: str = "") -> Text:
@@ -123,60 +145,75 @@ def _text(text: str, style: str = "") -> Text:
 
 
 def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
-    yield from results.notices
-    yield f"{results.label}: {results.subject.title}"
+    yield from map(localized, results.notices)
+    yield f"{localized(results.label)}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
     yield from _not_judged(results)
     for side, dialect in _dialects(results):
-        yield f"dialect of the {side}: {dialect}"
+        yield localized("dialect of the {side}: {dialect}", side=UserMessage(side), dialect=dialect)
     for line in shown:
         case = line.case
         where = _where(case, results)
-        parts = (case.verdict.value, _which(line), _what(case), _side(case), where, *_remarks(line))
+        parts = (
+            localized(case.verdict.value),
+            _which(line),
+            _what(case),
+            _side(case),
+            where,
+            *_remarks(line),
+        )
         yield " · ".join(filter(None, parts))
 
 
 def _draw(results: Results, shown: Sequence[SummaryLine], console: Console) -> None:
     for notice in results.notices:
-        console.print(_text(notice, "bold yellow"))
+        console.print(_text(localized(notice), "bold yellow"))
     verdict = results.verdict.value
     console.print(
-        _text(f"{results.label}  ", _STYLES[verdict]).append_text(_text(results.subject.title))
+        _text(f"{localized(results.label)}  ", _STYLES[verdict]).append_text(
+            _text(results.subject.title)
+        )
     )
     facts = Table.grid(padding=(0, 2))
     facts.add_column(style="dim")
     facts.add_column(overflow="fold")
-    facts.add_row("cases", _counts(results))
-    facts.add_row("coverage", _coverage(results))
+    facts.add_row(localized("cases"), _counts(results))
+    facts.add_row(localized("coverage"), _coverage(results))
     for line in _not_judged(results):
         facts.add_row("", _text(line))
     for side, dialect in _dialects(results):
-        facts.add_row(_text(f"dialect, {side}"), _text(dialect))
+        facts.add_row(_text(localized("dialect, {side}", side=UserMessage(side))), _text(dialect))
     console.print(facts)
     if not shown:
         return
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for heading in ("verdict", "case", "finding", "where"):
+    for heading in map(localized, ("verdict", "case", "finding", "where")):
         table.add_column(heading, overflow="fold")
     for each in shown:
         case, verdict = each.case, each.case.verdict.value
         what = "\n".join((" · ".join(filter(None, (_what(case), _side(case)))), *_remarks(each)))
         texts = map(_text, (_which(each), what, _where(case, results)))
-        table.add_row(_text(verdict, _STYLES[verdict]), *texts)
+        table.add_row(_text(localized(verdict), _STYLES[verdict]), *texts)
     console.print()
     console.print(table)
 
 
 def _counts(results: Results) -> str:
     counted = [
-        f"{results.counts[v]} {v.value}" for v in VERDICTS_BY_IMPORTANCE if results.counts.get(v)
+        f"{results.counts[v]} {localized(v.value)}"
+        for v in VERDICTS_BY_IMPORTANCE
+        if results.counts.get(v)
     ]
-    tried = f"; {results.examples} examples" if results.examples else ""
-    return (", ".join(counted) or "no cases") + tried
+    tried = localized("; {count} examples", count=results.examples) if results.examples else ""
+    return (", ".join(counted) or localized("no cases")) + tried
 
 
 def _coverage(results: Results) -> str:
-    return f"{results.judged} of {len(results.requirements)} requirements in scope judged"
+    return localized(
+        "{judged} of {total} requirements in scope judged",
+        judged=results.judged,
+        total=len(results.requirements),
+    )
 
 
 def _not_judged(results: Results) -> Iterator[str]:
@@ -189,44 +226,54 @@ def _not_judged(results: Results) -> Iterator[str]:
         if not requirement.decided:
             tried = [cases[each] for each in requirement.cases if each in cases]
             seen = requirement.id in results.undecided
-            other = "the traffic does not decide it" if seen else "no traffic that shows it"
+            other = UserMessage(
+                "the traffic does not decide it" if seen else "no traffic that shows it"
+            )
             reasons[tried[0].message if tried else other] += 1
     for reason, count in reasons.most_common(_MAX_REASONS):
-        yield f"{count} not judged: {reason}"
+        yield localized("{count} not judged: {reason}", count=count, reason=localized(reason))
 
 
 def _dialects(results: Results) -> Iterator[tuple[str, str]]:
     """Yield for each side the observed readings that are not the default, with contradictions."""
     for side, seen in results.readings.items():
         observed = [
-            f"{key}={'+'.join(reading.options)}{' (mixed)' if reading.mixed else ''}"
+            f"{key}={'+'.join(reading.options)}{localized(' (mixed)') if reading.mixed else ''}"
             for key, reading in seen.items()
             if reading.options and not reading.default
         ]
         if seen:
-            yield side, ", ".join(observed) or "the default, as far as observed"
+            yield side, ", ".join(observed) or localized("the default, as far as observed")
 
 
 def _which(line: SummaryLine) -> str:
-    return f"{line.name} and {line.others} more" if line.others else line.name
+    if not line.others:
+        return line.name
+    return localized("{name} and {count} more", name=line.name, count=line.others)
 
 
 def _remarks(line: SummaryLine) -> Iterator[str]:
     """Yield what was not judged because of a failure, and its reproduction command."""
     if line.prevented:
-        yield f"not judged because of it: {line.prevented}"
+        yield localized("not judged because of it: {count}", count=line.prevented)
     if line.replay:
         yield line.replay
 
 
 def _what(case: Case) -> str:
     """Return the finding in one line."""
-    compared = [
-        f"{name} {_one_line(text)}"
-        for name, text in (("expected", case.expected), ("observed", case.observed))
-        if text
-    ]
-    return f"{case.message} ({'; '.join(compared)})".strip() if compared else case.message
+    message = localized(case.message)
+    compared = comparison(*(_one_line(localized(each)) for each in (case.expected, case.observed)))
+    return f"{message} ({compared})".strip() if compared else message
+
+
+def comparison(expected: str, observed: str) -> str:
+    """Return what was expected and observed in the display language, as far as it is stated."""
+    parts = (
+        localized("expected {expected}", expected=expected) if expected else "",
+        localized("observed {observed}", observed=observed) if observed else "",
+    )
+    return "; ".join(filter(None, parts))
 
 
 def _one_line(text: str, limit: int = 80) -> str:
@@ -235,7 +282,7 @@ def _one_line(text: str, limit: int = 80) -> str:
 
 
 def _side(case: Case) -> str:
-    return case.side.value if case.side else ""
+    return localized(case.side.value) if case.side else ""
 
 
 def _where(case: Case, results: Results) -> str:
@@ -243,7 +290,7 @@ def _where(case: Case, results: Results) -> str:
     at = case.moment
     if at is None:
         return case.wire[0].place if case.wire else ""
-    packet = f"packet {at.packet}" if at.packet else ""
+    packet = localized("packet {number}", number=at.packet) if at.packet else ""
     addresses = _addresses(results).get(at.connection, "")
     return ", ".join(filter(None, (at.place, addresses, packet, formatting.instant(at.time_ns))))
 
@@ -265,19 +312,25 @@ def _losses(results: Results) -> Iterator[str]:
         yield _loss(loss, addresses.get(loss.connection, ""))
     hidden = len(losses) + results.session.unlisted.get("losses", 0) - _MAX_LOSSES
     if hidden > 0:
-        yield f"and {hidden} more losses in the report"
+        yield localized("and {count} more losses in the report", count=hidden)
 
 
 def _loss(loss: Loss, addresses: str) -> str:
-    size = "unknown length"
+    size = localized("unknown length")
     if loss.length_bytes >= 0:
-        size = f"{formatting.count(loss.length_bytes)} byte{'s' if loss.length_bytes != 1 else ''}"
-    at = f"connection {loss.connection}, {loss.direction.value} byte {loss.offset_bytes}"
+        template = "{count} byte" if loss.length_bytes == 1 else "{count} bytes"
+        size = localized(template, count=formatting.count(loss.length_bytes))
+    at = localized(
+        "connection {connection}, {direction} byte {offset}",
+        connection=loss.connection,
+        direction=loss.direction.value,
+        offset=loss.offset_bytes,
+    )
     return " · ".join(
         (
-            "loss",
+            localized("loss"),
             size,
             ", ".join(filter(None, (at, addresses, formatting.instant(loss.time_ns)))),
-            loss.note,
+            localized(loss.note),
         )
     )

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from scaraspec.protocol.errors import Joint, code_for_joints
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec.virtual_controller.plant import NoSuchPortError, Plant
 
 HELP: Final = """\
@@ -133,7 +133,7 @@ def _input(words: list[str], plant: Plant, _: float) -> str:
     try:
         plant.digital_inputs[port] = value == "1"
     except NoSuchPortError as error:
-        raise ConsoleCommandError(str(error)) from None
+        raise ConsoleCommandError(sentence_of(error)) from None
     return UserMessage("digital input {port} is {value}", port=port, value=value)
 
 
@@ -142,7 +142,7 @@ def _analog(words: list[str], plant: Plant, _: float) -> str:
     try:
         plant.analog_inputs[port] = float(value)
     except NoSuchPortError as error:
-        raise ConsoleCommandError(str(error)) from None
+        raise ConsoleCommandError(sentence_of(error)) from None
     except ValueError:
         raise ConsoleCommandError(
             UserMessage("{value} is not a valid analog value", value=reprlib.repr(value))

@@ -19,7 +19,8 @@ from scaraspec.mutants.controller import mutants
 from scaraspec.register import DOCUMENT_SHA256
 from scaraspec.report.certificate import Certificate, render
 from scaraspec.report.files import write_new
-from scaraspec.report.translations import TRANSLATIONS, Language
+from scaraspec.report.texts import TEXTS
+from scaraspec.translation import Language, translate
 
 HOSTILE = "</dd><script>alert(1)</script>\u202e\x00"
 
@@ -72,7 +73,7 @@ def test_test_report(
         f"File {package.name} SHA-256 {hashlib.sha256(package.read_bytes()).hexdigest()}",
         "Signatory of the file unsigned",
         "Requirements not judged",
-        "Name Date Signature",
+        "Signed by Date Signature",
     ):
         assert each in shown, each
     assert re.search(r"Start \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC End ", shown)
@@ -92,8 +93,8 @@ def test_conformant(certificate: Certificate) -> None:
     assert "Unsupported commands jog" in shown
     assert "Signatory of the file li@lab.example, ED25519 key SHA256:x" in shown
     chinese = _Reader(render(given, Language.CHINESE), "zh").text
-    assert TRANSLATIONS["certificate_title"].zh in chinese
-    assert TRANSLATIONS["only_sample"].zh in chinese
+    assert translate(TEXTS["certificate_title"], Language.CHINESE) in chinese
+    assert translate(TEXTS["only_sample"], Language.CHINESE) in chinese
 
 
 def test_nonconformant(verify: Verify, small_list: MandatoryList, tmp_path: Path) -> None:

@@ -17,7 +17,8 @@ import pytest
 from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.report import html
 from scaraspec.report.model import Case, Results, Role
-from scaraspec.report.translations import TRANSLATIONS, Language
+from scaraspec.report.texts import TEXTS
+from scaraspec.translation import Language
 
 _VOID = frozenset({"meta", "input", "br"})
 _IN_LINE = frozenset({"span", "code", "b", "bdi", "i", "a"})
@@ -152,7 +153,7 @@ def test_every_conclusion(full: Results, conclusion: Conclusion) -> None:
     )
     page = Page(html.render(bare))
     (heading,) = page.of("h1")
-    assert visible_text(heading, "en") == TRANSLATIONS[conclusion.value].en
+    assert visible_text(heading, "en") == TEXTS[conclusion.value]
     assert "There are no cases." in page.of("body")[0].text
 
 
@@ -173,7 +174,7 @@ def test_content_of_a_case(page: Page) -> None:
     ):
         assert part in text
     chinese = visible_text(case, "zh")
-    for part in ("应为 one final result", "责任方: 被测对象", "控制层 → 应用层", "第 73 字节起"):
+    for part in ("应为 one final result", "责任方: 被测系统", "控制层 → 应用层", "第 73 字节起"):
         assert part in chinese
     assert "open" in case.attributes
 

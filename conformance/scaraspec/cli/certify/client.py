@@ -26,6 +26,7 @@ from scaraspec.report.model import Results, Role
 from scaraspec.suite.client.harness.attended import HELP, Attended
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options
+from scaraspec.translation import localized
 from scaraspec.transports.url import split_host_port
 from scaraspec.user_message import UserMessage
 
@@ -112,7 +113,8 @@ def command(  # noqa: PLR0913 - one for each option
             options = certification.options
         cases = certify.plan(options, Role.CLIENT)
         estimate = estimate_of(cases, options, statement)
-        click.echo(f"{len(cases)} cases will run, in {estimate}")
+        text = "{count} cases will run, in {estimate}"
+        click.echo(localized(text, count=len(cases), estimate=estimate))
         if dry_run:
             return
         subject: str | Attended
@@ -159,8 +161,11 @@ def _attended(listen: str, answer_timeout_s: float) -> Attended:
                 "cannot listen on {listen}: {strerror}", listen=listen, strerror=error.strerror
             )
         ) from None
-    click.echo(f"listening at {access.host}:{access.port}. {HELP}")
+    address = f"{access.host}:{access.port}"
+    click.echo(localized("listening at {address}. {help}", address=address, help=localized(HELP)))
     click.echo(
-        "Switch off automatic reconnection in the client. Polling does not disturb the test."
+        localized(
+            "Switch off automatic reconnection in the client. Polling does not disturb the test."
+        )
     )
     return access

@@ -46,8 +46,9 @@ from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError, Options
 from scaraspec.suite.engine.selection import Selection, SelectionError, parse_selection
+from scaraspec.translation import localized, translated_error
 from scaraspec.transports.link import LinkError
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 PATH: Final = click.Path(path_type=Path)
 
@@ -217,7 +218,7 @@ def rerun_of(earlier: Results, options: Options, statement: Ics, role: Role, lin
     before, now = earlier.subject.version, statement.version
     if before != now:
         click.echo(
-            UserMessage(
+            localized(
                 "The version was {before!r} and is {now!r}: `scaraspec merge` refuses results of "
                 "both.",
                 before=before,
@@ -319,8 +320,12 @@ def calibrated(certified: Certification | None, console: Console) -> Certificati
     """
     if certified is None:
         return None
-    console.print(f"calibration: {MUTANTS} mutants must be killed on this machine")
-    bar = ProgressBar(console, "calibrating", MUTANTS, TimeRemainingColumn(), transient=True)
+    console.print(
+        localized("calibration: {count} mutants must be killed on this machine", count=MUTANTS)
+    )
+    bar = ProgressBar(
+        console, localized("calibrating"), MUTANTS, TimeRemainingColumn(), transient=True
+    )
     with bar:
         return certificates.calibrated(
             certified,
@@ -347,11 +352,11 @@ def run_and_exit(
     try:
         results = run()
     except IncompleteFilesError as error:
-        results, problem = error.results, f"{error}"
+        results, problem = error.results, sentence_of(error)
     terminal.show(results, Console())
     status = results.verdict.exit_status
     if problem:
-        click.echo(f"scaraspec: {visible(problem)}", err=True)
+        click.echo(f"scaraspec: {visible(localized(problem))}", err=True)
         if status is not ExitStatus.NONCONFORMANT:
             status = ExitStatus.INCONCLUSIVE
     elif out:
@@ -363,11 +368,11 @@ def run_and_exit(
 
 def _verify(package: Path, status: ExitStatus) -> ExitStatus:
     """Verify the package of this run; return the exit status of the run."""
-    click.echo(UserMessage("verifying {package}", package=visible(f"{package}")))
+    click.echo(localized("verifying {package}", package=visible(f"{package}")))
     try:
         verification = verify_package(package)
     except PackageError as error:
-        click.echo(f"scaraspec: {visible(f'{package}: {error}')}", err=True)
+        click.echo(f"scaraspec: {visible(f'{package}: {translated_error(error)}')}", err=True)
         return ExitStatus.INCONCLUSIVE if status is ExitStatus.CONFORMANT else status
     show(package, verification)
     if status is ExitStatus.CONFORMANT and verification.exit_status is not status:
@@ -389,7 +394,7 @@ def user_errors() -> Iterator[None]:
         RunFolderError,
         CertificationError,
     ) as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     except HazardError as error:
         raise Problem(UserMessage("--allow: {error}", error=error)) from None
     except (
@@ -399,9 +404,9 @@ def user_errors() -> Iterator[None]:
         RecoveryError,
         StartError,
     ) as error:
-        raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
+        raise Problem(sentence_of(error), ExitStatus.INCONCLUSIVE) from None
     except JournalError as error:
-        raise Problem(str(error)) from None
+        raise Problem(sentence_of(error)) from None
     except SuiteError as error:
         raise Problem(
             UserMessage("the suite is broken: {error}", error=error), ExitStatus.INCONCLUSIVE

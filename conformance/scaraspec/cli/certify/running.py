@@ -30,12 +30,20 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options, asks_operator, skip_reason
+from scaraspec.translation import localized
+from scaraspec.user_message import UserMessage
 
 _RISKS: Final = {
-    Hazard.READ_ONLY: "send queries only",
-    Hazard.STATE: "change the clock, settings, sessions and stored files, and restore them",
-    Hazard.MOTION: "MOVE the arm, its brakes or its outputs, and stop what the robot is doing",
-    Hazard.DESTRUCTIVE: "DELETE files, change password and network, or shut the robot down",
+    Hazard.READ_ONLY: UserMessage("send queries only"),
+    Hazard.STATE: UserMessage(
+        "change the clock, settings, sessions and stored files, and restore them"
+    ),
+    Hazard.MOTION: UserMessage(
+        "MOVE the arm, its brakes or its outputs, and stop what the robot is doing"
+    ),
+    Hazard.DESTRUCTIVE: UserMessage(
+        "DELETE files, change password and network, or shut the robot down"
+    ),
 }
 
 
@@ -57,18 +65,27 @@ def show_plan(
     runs = [case for case in cases if not skip_reason(case, options, statement)]
     skips = [skip for case in cases if (skip := skip_reason(case, options, statement))]
     skipped = Counter(skip.message for skip in skips)
-    console.print(f"{len(runs)} of {len(cases)} cases will run, in {estimate}:", soft_wrap=True)
+    text = localized(
+        "{count} of {total} cases will run, in {estimate}:",
+        count=len(runs),
+        total=len(cases),
+        estimate=estimate,
+    )
+    console.print(text, soft_wrap=True)
     counts = Counter(case.hazard for case in runs)
     for hazard in Hazard:
         if counts[hazard]:
             console.print(
-                f"  {counts[hazard]:4}  {_RISKS[hazard]}", soft_wrap=True, highlight=False
+                f"  {counts[hazard]:4}  {localized(_RISKS[hazard])}",
+                soft_wrap=True,
+                highlight=False,
             )
     if requests := operator_requests(c for c in runs if asks_operator(c, options, statement)):
-        text = f"  the operator is asked about {requests} times"
-        console.print(text, soft_wrap=True, highlight=False)
+        text = localized("the operator is asked about {count} times", count=requests)
+        console.print(f"  {text}", soft_wrap=True, highlight=False)
     for why, count in skipped.most_common():
-        console.print(Text(f"  {count:4}  skipped: {visible(why)}"), soft_wrap=True)
+        text = localized("skipped: {reason}", reason=localized(why))
+        console.print(Text(f"  {count:4}  {visible(text)}"), soft_wrap=True)
 
 
 def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> None:
@@ -81,13 +98,20 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
     if not any(Hazard.MOTION in case.hazards for case in runs) or not sys.stdin.isatty():
         return
     motion = statement.motion
-    box = f", within {motion.box_mm}" if motion.box_mm else ""
     click.echo(
-        "This run moves the robot along x, y, z and its rotation: steps of at most "
-        f"{motion.step_mm:g} mm or degrees from where it stands{box}, and jogs of at most "
-        f"{motion.jog_s:g} s, at {motion.speed_percent} % of full speed."
+        localized(
+            "This run moves the robot along x, y, z and its rotation: steps of at most {step_mm:g} "
+            "mm or degrees from where it stands{box}, and jogs of at most {jog_s:g} s, at "
+            "{speed_percent} % of full speed.",
+            step_mm=motion.step_mm,
+            box=localized(", within {box_mm}", box_mm=motion.box_mm) if motion.box_mm else "",
+            jog_s=motion.jog_s,
+            speed_percent=motion.speed_percent,
+        )
     )
-    if not click.confirm("Is the area clear, and a hardware emergency stop within reach?"):
+    if not click.confirm(
+        localized("Is the area clear, and a hardware emergency stop within reach?")
+    ):
         raise Problem("nothing was sent: the run was not confirmed")
 
 
@@ -128,22 +152,34 @@ class Display:
         self._count, self._number = count, 0
         self._estimate, self._clock = estimate, clock
         self._line_s = clock()
-        left = TextColumn("{task.fields[left]} left")
+        left = TextColumn(localized("{time} left", time="{task.fields[left]}"))
         self.bar = ProgressBar(
-            console, "certifying", count, left, hidden=ticks, transient=True, left=f"{estimate}"
+            console,
+            localized("certifying"),
+            count,
+            left,
+            hidden=ticks,
+            transient=True,
+            left=f"{estimate}",
         )
         self._dependency_message = ""
 
     def begin_case(self, case: Case) -> None:
         """Print what a case tries before it begins, if each case has a line."""
         if self._ticks:
-            where = f"case {self._number + 1} of {self._count}, {self._estimate} left"
-            self._console.print(Text(f"\n{where}, {case.id}: {case.sentence}"), soft_wrap=True)
+            where = localized(
+                "case {number} of {count}, {estimate} left",
+                number=self._number + 1,
+                count=self._count,
+                estimate=self._estimate,
+            )
+            sentence = localized(case.sentence)
+            self._console.print(Text(f"\n{where}, {case.id}: {sentence}"), soft_wrap=True)
         self._estimate.begin()
 
     def say(self, sentence: str) -> None:
         """Print a sentence at once."""
-        self._console.print(Text(visible(sentence)), soft_wrap=True)
+        self._console.print(Text(visible(localized(sentence))), soft_wrap=True)
 
     @property
     def progress(self) -> Progress:
@@ -154,7 +190,13 @@ class Display:
         """Print the measured round trip, and the time of the run that follows from it."""
         self._estimate.set_round_trip(round_trip_s)
         self.bar.set_fields(left=f"{self._estimate}")
-        self.say(f"a reply takes {round_trip_s * 1000:.1f} ms: the run will take {self._estimate}")
+        self.say(
+            localized(
+                "a reply takes {round_trip_ms:.1f} ms: the run will take {estimate}",
+                round_trip_ms=round_trip_s * 1000,
+                estimate=self._estimate,
+            )
+        )
 
     def end_case(self, outcome: Outcome, _count: int) -> None:
         """Report a finished case. The reason why all later cases are skipped is printed once."""
@@ -167,7 +209,8 @@ class Display:
             shown = outcome.message != self._dependency_message and not failed_start
             self._dependency_message = outcome.message
         if self._ticks or shown:
-            text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
+            verdict, message = localized(outcome.verdict.value), localized(outcome.message)
+            text = f"{verdict} {outcome.case.id}: {message}"
             self._console.print(Text(visible_line(text)), soft_wrap=True)
         if not (self._ticks or self._console.is_terminal):
             self._print_time_left()
@@ -177,7 +220,12 @@ class Display:
         now_s = self._clock()
         if now_s - self._line_s >= _LINE_S:
             self._line_s = now_s
-            text = f"{self._number} of {self._count} cases have ended, {self._estimate} left"
+            text = localized(
+                "{number} of {count} cases have ended, {estimate} left",
+                number=self._number,
+                count=self._count,
+                estimate=self._estimate,
+            )
             self._console.print(Text(text), soft_wrap=True)
 
 

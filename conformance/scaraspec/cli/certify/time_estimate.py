@@ -11,6 +11,7 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
+from scaraspec.translation import localized
 
 _TYPICAL_S: Final = {
     Hazard.READ_ONLY.value: 0.15,
@@ -89,11 +90,13 @@ class TimeEstimate:
     def __str__(self) -> str:
         """The remaining time in words, such as ``about 3 min``."""
         if self.remaining_s < _MINUTE_S:
-            return f"about {max(1, round(self.remaining_s / _ROUGH_S)) * _ROUGH_S} s"
+            rough_s = max(1, round(self.remaining_s / _ROUGH_S)) * _ROUGH_S
+            return localized("about {rough_s} s", rough_s=rough_s)
         minutes = round(self.remaining_s / _MINUTE_S)
         if minutes < _HOUR_MIN:
-            return f"about {minutes} min"
-        return f"about {minutes // _HOUR_MIN} h {minutes % _HOUR_MIN} min"
+            return localized("about {minutes} min", minutes=minutes)
+        hours, minutes = divmod(minutes, _HOUR_MIN)
+        return localized("about {hours} h {minutes} min", hours=hours, minutes=minutes)
 
     def _kind(self, case: Case) -> str:
         if self._asks(case):

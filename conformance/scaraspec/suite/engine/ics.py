@@ -15,7 +15,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook, HookError
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 class IcsError(ValueError):
@@ -159,7 +159,7 @@ class Ics:
                 }
             )
         except ValueError as error:  # also an invalid claim
-            raise IcsError(f"{error}") from None
+            raise IcsError(sentence_of(error)) from None
 
     @property
     def summary(self) -> dict[str, str]:

@@ -7,7 +7,7 @@ from scaraspec.protocol.readings import ReadingError
 from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import parse
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 _TRANSFERS: Final = ("upload_name", "download_name")
 _RUNS: Final = ("run_program", "simulate_program")
@@ -75,7 +75,7 @@ def _mistakes(document: Mapping[str, Any]) -> Iterator[str]:
             try:
                 Ics.of(alone)
             except (IcsError, ReadingError) as error:
-                yield f"{error}"
+                yield sentence_of(error)
 
 
 def _contradictions(ics: Ics, document: Mapping[str, Any]) -> Iterator[str]:

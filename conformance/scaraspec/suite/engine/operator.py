@@ -15,6 +15,7 @@ from scaraspec.suite.engine.hooks import REQUESTS, HookError
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.operator_terminal import OperatorTerminal
+from scaraspec.user_message import sentence_of
 
 GUIDANCE: Final = (
     "Leave the reach of the robot, then press Enter. s = skip this case, q = end the run, "
@@ -123,7 +124,7 @@ class HookRunner:
             for values in each:
                 hook.run(**values)
         except HookError as error:
-            raise CaseInconclusive(str(error)) from None
+            raise CaseInconclusive(sentence_of(error)) from None
 
     def ask(self, name: str, *each: Mapping[str, object]) -> bool:
         """Ask the operator, and receive on all connections until the answer.

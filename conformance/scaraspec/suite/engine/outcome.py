@@ -13,7 +13,7 @@ from scaraspec.suite.engine.expectations import (
     CaseInconclusive,
 )
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,7 @@ def unless_dependent(outcome: Outcome, raised: BaseException | None) -> Outcome:
 def message_of(error: BaseException) -> str:
     """The message of an exception, with its template if it has one."""
     message = error.args[0] if error.args else ""
-    return message if isinstance(message, str) else f"{error}"
+    return message if isinstance(message, str) else sentence_of(error)
 
 
 def was_interrupted(raised: BaseException | None) -> bool:

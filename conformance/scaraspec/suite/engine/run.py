@@ -43,7 +43,7 @@ from scaraspec.suite.engine.unsupported_claims import (
     unverified_notices,
     wrong_claims,
 )
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 class Run(Generic[P]):
@@ -488,5 +488,5 @@ def _set_up(name: str, message: str, reason: Reason) -> Outcome:
 def _wrong_from_the_start(error: CaseFailed) -> Outcome:
     """Return the outcome for a client that reports a wrong state, or none, of an idle robot."""
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
-    wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
+    wrong = (error.requirement, Cause.SUBJECT, sentence_of(error), error.expected, error.observed)
     return Outcome(case, Verdict.FAIL, *wrong)

@@ -8,7 +8,7 @@ from scaraspec.protocol.readings import READINGS
 from scaraspec.report.model import SEEN, Role
 from scaraspec.suite.engine.collection import METHODS, collect
 from scaraspec.suite.engine.plan import Options
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 CLAIM: Final = "claim."
 LACKS: Final = "lacks."
@@ -65,7 +65,7 @@ def _requirements(name: str, role: Role) -> set[str]:
     try:
         named = select(name)
     except UnknownRequirementError as error:
-        raise SelectionError(str(error)) from None
+        raise SelectionError(sentence_of(error)) from None
     testable = {each.id for each in named if METHODS[role] in each.testable}
     if not testable:
         raise SelectionError(

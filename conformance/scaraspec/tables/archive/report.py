@@ -7,9 +7,9 @@ from datetime import UTC, date, datetime, timedelta
 from typing import Any, Final, NamedTuple
 
 from scaraspec.report.html import environment
-from scaraspec.report.translations import Language
 from scaraspec.tables.archive.query import opened
 from scaraspec.tables.archive.store import Store
+from scaraspec.translation import Language, display_language
 
 _SHOWN_DAYS: Final = 62
 _NEW_DAYS: Final = 7
@@ -88,14 +88,14 @@ class CommandLatency:
     points: str
 
 
-def render(store: Store, since: date | None, language: Language) -> str:
-    """Return the page. It contains both languages; `language` is shown first.
+def render(store: Store, since: date | None, language: Language | None) -> str:
+    """Return the page. It contains both languages.
 
     Args:
         store: The archive.
         since: Kinds of findings that first occurred on this day (UTC) or later are new. None for
             the last seven days of the archive.
-        language: The language that is shown first.
+        language: The language that is shown first; None for the display language.
 
     Raises:
         ArchiveError: The archive has no capture yet.
@@ -116,7 +116,7 @@ def render(store: Store, since: date | None, language: Language) -> str:
             .get_template("archive.html")
             .render(
                 url=store.url,
-                language=language.value,
+                language=language or display_language(),
                 files=files,
                 robots=robots,
                 begun=first,

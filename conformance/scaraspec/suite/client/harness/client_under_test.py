@@ -33,7 +33,7 @@ from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.system_under_test import Interference, ToleratedReading
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.transports.link import Link
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 if TYPE_CHECKING:
     from scaraspec.protocol.frames import Frame
@@ -689,7 +689,7 @@ class ClientUnderTest:
         try:
             self.access.restart()
         except DriverError as error:
-            raise CaseInconclusive(str(error)) from None
+            raise CaseInconclusive(sentence_of(error)) from None
 
 
 def _require_implemented(call: Call) -> None:
@@ -709,4 +709,4 @@ def _driver_errors() -> Iterator[None]:
             UserMessage("the client crashed: {error}", error=error), observed=f"{error}"
         ) from None
     except DriverError as error:
-        raise CaseInconclusive(str(error)) from None
+        raise CaseInconclusive(sentence_of(error)) from None

@@ -26,7 +26,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     expect,
 )
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
 
@@ -80,7 +80,7 @@ def _set(
     except NoReply as error:
         if line.ending is None:
             raise CaseFailed(
-                str(error),
+                sentence_of(error),
                 expected=error.expected,
                 observed=error.observed,
                 requirement="4.4/2",

@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     wait_for_end,
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 _MOVE: Final = "set_tool_coordinates"
 _READINGS: Final = 5
@@ -68,7 +68,7 @@ def return_to_start_pose(subject: ControllerUnderTest) -> list[str]:
             return []
         why = "the controller refuses the move"
     except (CaseFailed, CaseInconclusive) as error:
-        why = str(error)
+        why = sentence_of(error)
     return [
         UserMessage(
             "the arm did not return to its start pose {pose}: {reason}",

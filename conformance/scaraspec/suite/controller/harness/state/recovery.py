@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.state.restore import (
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.journal import Changes
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 
 class RecoveryError(Exception):
@@ -48,7 +48,7 @@ def recover(subject: ControllerUnderTest) -> None:
     try:
         done = _recovered(subject, earlier)
     except (PasswordLost, CaseInconclusive) as error:
-        raise _failed(subject, f"{error}") from None
+        raise _failed(subject, sentence_of(error)) from None
     subject.notify(
         UserMessage(
             "{interruption}: {done}",

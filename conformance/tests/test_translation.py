@@ -1,0 +1,148 @@
+"""Every message has a translation, and commands display it; what programs read stays English."""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from string import Formatter
+from types import ModuleType
+
+import pytest
+from wording import ROOT
+
+from scaraspec.translation import Language, preferred_language, translate
+from scaraspec.user_message import UserMessage
+
+COMPLETE = ("click", "report")
+"""The catalogues in which no translation is missing."""
+
+_CHINESE = re.compile("[\u4e00-\u9fff]")
+
+
+@pytest.fixture(scope="module")
+def messages() -> ModuleType:
+    """Return the script that collects the messages."""
+    found = importlib.util.spec_from_file_location("messages", ROOT / "docs/messages.py")
+    assert found
+    assert found.loader
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+def test_catalogues_have_the_messages_of_the_code(messages: ModuleType) -> None:
+    """A new message is in its catalogue, and no catalogue has an old one; else `make messages`."""
+    expected = messages.messages()
+    assert {file.stem for file in messages.FOLDER.glob("*.po")} == expected.keys()
+    for domain, texts in expected.items():
+        assert [*messages.read(domain)] == texts, domain
+
+
+def test_no_translation_is_missing(messages: ModuleType) -> None:
+    """Each message of a complete catalogue has a translation."""
+    for domain in COMPLETE:
+        assert [text for text, chinese in messages.read(domain).items() if not chinese] == [], (
+            domain
+        )
+
+
+def test_placeholders_agree(messages: ModuleType) -> None:
+    """A translation has the replacement fields of its message, with the same formats."""
+    for domain in messages.messages():
+        for text, chinese in messages.read(domain).items():
+            if chinese and _fields(text):
+                assert _fields(chinese) == _fields(text), text
+
+
+def _fields(template: str) -> list[tuple[str, str | None, str | None]]:
+    """Return the fields of a template; none if it is a sentence with braces."""
+    try:
+        return sorted((n, s, c) for _, n, s, c in Formatter().parse(template) if n is not None)
+    except ValueError:
+        return []
+
+
+def test_translations_are_compiled(messages: ModuleType) -> None:
+    """What commands read is what the catalogues contain; else `make messages`."""
+    for domain in messages.messages():
+        if domain != "click":
+            for text, chinese in messages.read(domain).items():
+                assert translate(text, Language.CHINESE) == (chinese or text)
+
+
+def test_a_message_keeps_its_values() -> None:
+    """Values are formatted as in English; those that are messages are translated, too."""
+    message = UserMessage("{judged:g} of {total}", judged=1.50, total=3)
+    assert translate(message, Language.CHINESE) == "1.5 of 3"  # it has no translation
+    inner = UserMessage("{count} times", count=3)
+    outer = UserMessage.joined("a message without translation", " ({times})", times=inner)
+    assert translate(outer, Language.CHINESE) == outer
+    known = UserMessage.joined(
+        "nothing was tested: no requirement could be judged", " ({times})", times=inner
+    )
+    assert translate(known, Language.CHINESE).endswith("（3 次）")
+    assert translate(known, Language.ENGLISH) == f"{known}"
+
+
+@pytest.mark.parametrize(
+    ("variables", "language"),
+    [
+        ({"SCARASPEC_LANGUAGE": "zh", "LANG": "en_US.UTF-8"}, Language.CHINESE),
+        ({"SCARASPEC_LANGUAGE": "en", "LANG": "zh_CN.UTF-8"}, Language.ENGLISH),
+        ({"LANG": "zh_CN.UTF-8"}, Language.CHINESE),
+        ({"LC_ALL": "C", "LANG": "zh_CN.UTF-8"}, Language.ENGLISH),
+        ({"LC_ALL": "", "LC_MESSAGES": "zh_TW", "LANG": "de_DE"}, Language.CHINESE),
+        ({}, Language.ENGLISH),
+    ],
+)
+def test_the_environment_selects_the_language(
+    monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], language: Language
+) -> None:
+    """The variable of scaraspec is first; then the order of gettext."""
+    for name in ("SCARASPEC_LANGUAGE", "LC_ALL", "LC_MESSAGES", "LANG"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert preferred_language() is language
+
+
+def _run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "scaraspec", *arguments],
+        capture_output=True,
+        check=False,
+        encoding="utf-8",
+        env={**os.environ, "PYTHONUTF8": "1", **variables},
+    )
+
+
+def test_help_is_in_the_language_of_the_option() -> None:
+    """Headings and the words of click are Chinese."""
+    for arguments in (("--help",), ("certify", "controller", "--help"), ("audit", "--help")):
+        shown = _run("--language", "zh", *arguments).stdout
+        assert shown.startswith("用法：")
+
+
+def test_a_usage_error_is_in_the_language_of_the_variable() -> None:
+    """Also the part that click composes."""
+    shown = _run("audit", "--foo", SCARASPEC_LANGUAGE="zh")
+    assert shown.returncode == 2
+    assert "错误：" in shown.stderr
+    assert "--foo" in shown.stderr
+
+
+def test_audit_in_chinese(tmp_path: Path, fixtures_dir: Path) -> None:
+    """The summary and the page are Chinese, results.json is the same as in English."""
+    capture = next((fixtures_dir / "captures").rglob("*.pcap"))
+    files = {language: tmp_path / f"{language}.json" for language in ("en", "zh")}
+    shown = {
+        language: _run("audit", f"{capture}", "--language", language, "--json", f"{file}").stdout
+        for language, file in files.items()
+    }
+    assert _CHINESE.search(shown["zh"])
+    assert not _CHINESE.search(shown["en"])
+    english, chinese = (json.loads(file.read_text("utf-8")) for file in files.values())
+    assert english == chinese
