@@ -16,7 +16,7 @@ from wording import ROOT
 from scaraspec.translation import Language, preferred_language, translate
 from scaraspec.user_message import UserMessage
 
-COMPLETE = ("click", "report")
+COMPLETE = ("cli", "click", "judge", "report")
 """The catalogues in which no translation is missing."""
 
 _CHINESE = re.compile("[\u4e00-\u9fff]")
@@ -120,10 +120,11 @@ def _run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_help_is_in_the_language_of_the_option() -> None:
-    """Headings and the words of click are Chinese."""
+    """Texts, headings and the words of click are Chinese; no line is too wide."""
     for arguments in (("--help",), ("certify", "controller", "--help"), ("audit", "--help")):
         shown = _run("--language", "zh", *arguments).stdout
         assert shown.startswith("用法：")
+        assert not re.search(r"[a-z]{3,}\.$", shown, re.MULTILINE), shown
 
 
 def test_a_usage_error_is_in_the_language_of_the_variable() -> None:

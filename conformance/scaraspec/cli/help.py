@@ -15,8 +15,10 @@ from scaraspec.translation import Language, display_language, localized
 C = TypeVar("C", bound=click.Command)
 
 _EXAMPLE: Final = "Example: "
-_UNITS: Final = re.compile(r"\s*(?:[^\s\u2e80-\uffef]+|[\u2e80-\uffef][，。；：、）》”]*)")
-"""What a line is never broken in: a Latin word, or a Chinese character with its punctuation."""
+_UNITS: Final = re.compile(
+    r"\s*(?:[（《“\[(]*[\u2e80-\uffef][，。；：、）》”]*|[^\s\u2e80-\uffef]+)"
+)
+"""What a line is never broken in: a Latin word, or a Chinese character with its punctuation and brackets."""
 
 
 class GroupedCommand(click.Command):

@@ -76,6 +76,12 @@ class _Lazy(click.Group):
         except KeyboardInterrupt:  # click would exit with 1, which means nonconformant
             raise Problem("interrupted", ExitStatus.INCONCLUSIVE) from None
 
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        option = super().get_help_option(ctx)
+        if option:  # click has translated it before it has read --language
+            option.help = localized("Show this message and exit.")
+        return option
+
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super(_Lazy, in_display_language(self)).format_help(ctx, formatter)
 
