@@ -16,7 +16,7 @@ from wording import ROOT
 from scaraspec.translation import Language, preferred_language, translate
 from scaraspec.user_message import UserMessage
 
-COMPLETE = ("cli", "click", "judge", "report")
+COMPLETE = ("cli", "click", "judge", "peers", "protocol", "recorder", "report", "suite")
 """The catalogues in which no translation is missing."""
 
 _CHINESE = re.compile("[\u4e00-\u9fff]")

@@ -18,7 +18,7 @@ _EXAMPLE: Final = "Example: "
 _UNITS: Final = re.compile(
     r"\s*(?:[（《“\[(]*[\u2e80-\uffef][，。；：、）》”]*|[^\s\u2e80-\uffef]+)"
 )
-"""What a line is never broken in: a Latin word, or a Chinese character with its punctuation and brackets."""
+"""What a line is never broken in: a Latin word, or a Chinese character with its punctuation."""
 
 
 class GroupedCommand(click.Command):
