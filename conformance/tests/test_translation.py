@@ -16,7 +16,9 @@ from wording import ROOT
 from scaraspec.translation import Language, preferred_language, translate
 from scaraspec.user_message import UserMessage
 
-COMPLETE = ("cli", "click", "judge", "peers", "protocol", "recorder", "report", "suite")
+COMPLETE = (
+    *("cases", "cli", "click", "judge", "peers", "protocol", "recorder", "report", "suite"),
+)
 """The catalogues in which no translation is missing."""
 
 _CHINESE = re.compile("[\u4e00-\u9fff]")
@@ -57,10 +59,11 @@ def test_placeholders_agree(messages: ModuleType) -> None:
                 assert _fields(chinese) == _fields(text), text
 
 
-def _fields(template: str) -> list[tuple[str, str | None, str | None]]:
+def _fields(template: str) -> list[tuple[str, str, str]]:
     """Return the fields of a template; none if it is a sentence with braces."""
     try:
-        return sorted((n, s, c) for _, n, s, c in Formatter().parse(template) if n is not None)
+        parts = Formatter().parse(template)
+        return sorted((name, form or "", how or "") for _, name, form, how in parts if name)
     except ValueError:
         return []
 
