@@ -46,26 +46,38 @@ _SOURCES: Final = {
 }
 """The packages of each catalogue."""
 
-_MESSAGE_POSITIONS: Final = {
-    "UserMessage": (0,),
-    "localized": (0,),
-    "joined": (0, 1),
-    "expect": (1,),
-    "expect_equal": (2,),
-    "expect_in": (2,),
-    "failed": (0,),
-    "inconclusive": (0,),
-    "tolerate": (2, 3),
-    "tolerated": (2,),
-}
-"""Functions that take a message, and its positions."""
-
-_ERROR: Final = re.compile(
-    r"[A-Z]\w*(Error|Problem|Failed|Inconclusive|Skipped|Refused|Lost|Failure)"
+_NOT_SHOWN: Final = (
+    "dissectors",  # texts in Wireshark and scapy
+    "ics_proforma.py",  # comments of a file
+    "metrics.py",  # read by programs
+    "mutants",
+    "requirements",  # have their own domain
+    "rerun",  # texts in the viewer
+    "schema.py",
+    "schemas",
+    "templates",
+    "texts.py",
 )
-_FOR_PROGRAMMERS: Final = {"AssertionError", "RuntimeError", "TypeError", "ValueError"}
-_MESSAGE_NAMES: Final = {"message", "problem", "reason", "template", "text", "what", "why"}
-"""Variables and parameters that contain a message."""
+"""Files and folders whose texts no command displays, except those that are marked."""
+
+_EXPLICIT: Final = ("UserMessage", "joined", "localized")
+"""Functions whose strings are messages, even if they are single words."""
+
+_ENGLISH: Final = frozenset(
+    {
+        *("AssertionError", "RuntimeError", "TypeError", "ValueError"),  # for programmers
+        *("debug", "error", "exception", "info", "log", "warning"),  # logs
+        *("argument", "command", "group", "option", "password_option", "Word"),  # help
+        *("Reading", "Option"),  # have their own domain
+        *("addini", "addinivalue_line", "getgroup"),  # pytest
+    }
+)
+"""Functions whose strings stay English, or are collected elsewhere."""
+
+_PHRASE: Final = re.compile(r"[a-z]{2}[,;:.)'\"]* [\w{('=-]|\} [a-z]{2}|[a-z]{2} \{")
+_NO_PHRASE: Final = re.compile(
+    r"^\s*(?:<|bold |Example: |SELECT |CREATE |\x08|# |\\|\")|%[a-z]|\[bold\]"
+)
 
 
 def messages() -> dict[str, list[str]]:
@@ -140,35 +152,43 @@ def _register() -> Iterator[str]:
 def _in_package(path: Path) -> Iterator[str]:
     files = path.parent.glob(path.name) if path.suffix else path.rglob("*.py")
     for file in sorted(files):
-        if "templates" not in file.parts and file.parent.name != "requirements":
-            yield from _in_module(ast.parse(file.read_text("utf-8")))
+        phrases = not {*file.relative_to(path.parent).parts} & {*_NOT_SHOWN}
+        yield from _in_code(ast.parse(file.read_text("utf-8")), phrases=phrases)
 
 
-def _in_module(module: ast.Module) -> Iterator[str]:
-    for node in ast.walk(module):
-        if isinstance(node, ast.Call):
-            yield from _in_call(node)
-        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value:
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if any(_MESSAGE_NAMES & {getattr(each, "id", "")} for each in targets):
-                yield from _sentences(node.value)
+def _in_code(node: ast.AST, *, phrases: bool) -> Iterator[str]:
+    """Yield the messages of a part of the code: phrases, and all strings that are marked."""
+    if isinstance(node, ast.Constant):
+        if phrases and isinstance(node.value, str) and _is_phrase(node.value):
+            yield node.value
+        return
+    if _is_docstring(node):
+        return
+    parts = ast.iter_child_nodes(node)
+    if isinstance(node, ast.JoinedStr):
+        parts = (part for part in parts if isinstance(part, ast.FormattedValue))
+    if isinstance(node, ast.Call):
+        name = _name_of(node.func)
+        if name in _EXPLICIT or (name == "map" and _name_of(node.args[0]) in _EXPLICIT):
+            yield from (text for argument in node.args for text in _constants(argument))
+        elif name in _ENGLISH:
+            parts = (part for part in parts if isinstance(part, ast.Call))
+    for part in parts:
+        yield from _in_code(part, phrases=phrases)
 
 
-def _in_call(call: ast.Call) -> Iterator[str]:
-    name = getattr(call.func, "id", None) or getattr(call.func, "attr", None) or ""
-    positions = _MESSAGE_POSITIONS.get(name, ())
-    explicit = name in ("UserMessage", "localized", "joined")
-    for position in positions:
-        for argument in call.args[position : position + 1]:
-            yield from (_constants if explicit else _sentences)(argument)
-    if name == "map" and getattr(call.args[0], "id", "") == "localized":
-        yield from (text for each in getattr(call.args[1], "elts", ()) for text in _constants(each))
-    if _ERROR.fullmatch(name) and name not in _FOR_PROGRAMMERS:
-        for argument in call.args:
-            yield from _sentences(argument)
-    for keyword in call.keywords:
-        if explicit or keyword.arg in _MESSAGE_NAMES:
-            yield from _sentences(keyword.value)
+def _name_of(node: ast.expr) -> str:
+    """Return the name of a function or a method."""
+    return getattr(node, "id", "") or getattr(node, "attr", "")
+
+
+def _is_phrase(text: str) -> bool:
+    """Whether a string is more than a name."""
+    return bool(_PHRASE.search(text)) and not _NO_PHRASE.search(text)
+
+
+def _is_docstring(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def _constants(node: ast.expr) -> Iterator[str]:
@@ -178,14 +198,9 @@ def _constants(node: ast.expr) -> Iterator[str]:
     elif isinstance(node, ast.IfExp):
         yield from _constants(node.body)
         yield from _constants(node.orelse)
-    elif isinstance(node, ast.BoolOp):
-        for value in node.values:
+    elif isinstance(node, ast.BoolOp | ast.Tuple):
+        for value in node.values if isinstance(node, ast.BoolOp) else node.elts:
             yield from _constants(value)
-
-
-def _sentences(node: ast.expr) -> Iterator[str]:
-    """Yield those that are phrases, not names."""
-    yield from (text for text in _constants(node) if re.search("[A-Za-z]{2}.* |[a-z] ", text))
 
 
 def catalogue_file(domain: str) -> Path:
