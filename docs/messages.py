@@ -30,6 +30,10 @@ from scaraspec.suite.engine.plan import Options
 from scaraspec.translation import CLICK_DOMAIN, LOCALE
 
 ROOT: Final = Path(__file__).resolve().parent.parent
+PAGE: Final = ROOT / "docs/translation.md"
+_SAMPLES: Final = "## Samples for review\n"
+_SAMPLE_COUNT: Final = 20
+_MARKUP: Final = re.compile(r"[\\\\|*_`<\[\]]")
 FOLDER: Final = LOCALE / "zh" / "LC_MESSAGES"
 _PACKAGE: Final = ROOT / "conformance/scaraspec"
 _NO_DATE: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -74,7 +78,7 @@ _ENGLISH: Final = frozenset(
 )
 """Functions whose strings stay English, or are collected elsewhere."""
 
-_PHRASE: Final = re.compile(r"[a-z]{2}[,;:.)'\"]* [\w{('=-]|\} [a-z]{2}|[a-z]{2} \{")
+_PHRASE: Final = re.compile(r"[a-z]{2}[,;:.)'\"]* [\w{('=-]|\} [a-z]{2}|[A-Za-z]{2} \{|\d [a-z]{3}")
 _NO_PHRASE: Final = re.compile(
     r"^\s*(?:<|bold |Example: |SELECT |CREATE |\x08|# |\\|\")|%[a-z]|\[bold\]"
 )
@@ -245,6 +249,28 @@ def update() -> None:
     for domain, texts in messages().items():
         earlier = read(domain)
         write(domain, {text: earlier.get(text, "") for text in texts})
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+def page() -> str:
+    """Return docs/translation.md with samples of the present translations."""
+    explanation, heading, _ = PAGE.read_text("utf-8").partition(_SAMPLES)
+    return explanation + heading + "".join(map(_samples, sorted(messages())))
+
+
+def _samples(domain: str) -> str:
+    """Return a table of translations that are evenly spread over a catalogue."""
+    translations = read(domain)
+    known = [(text, chinese) for text, chinese in translations.items() if chinese]
+    chosen = known[:: len(known) // _SAMPLE_COUNT + 1]
+    rows = "".join(f"| {_cell(text)} | {_cell(chinese)} |\n" for text, chinese in chosen)
+    table = f"\n| English | 中文 |\n|---|---|\n{rows}" if rows else ""
+    return f"\n### {domain}: {len(known)} of {len(translations)} messages\n{table}"
+
+
+def _cell(text: str) -> str:
+    """Return text for a cell of a table: what looks like markup is shown as it is."""
+    return _MARKUP.sub(r"\\\g<0>", " ".join(text.split()))
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ def _translated_template(template: str, language: Language) -> str | None:
     return None
 
 
-_SEAM: Final = re.compile(r" \(|[,;:.] ")
+_SEAM: Final = re.compile(r" \(|[,;:.] | completely| in \{")
 """Where a template may have been joined to another one."""
 
 

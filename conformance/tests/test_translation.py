@@ -1,11 +1,13 @@
 """Every message has a translation, and commands display it; what programs read stays English."""
 
+import ast
 import importlib.util
 import json
 import os
 import re
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 from string import Formatter
 from types import ModuleType
@@ -139,14 +141,81 @@ def test_a_usage_error_is_in_the_language_of_the_variable() -> None:
 
 
 def test_audit_in_chinese(tmp_path: Path, fixtures_dir: Path) -> None:
-    """The summary and the page are Chinese, results.json is the same as in English."""
-    capture = next((fixtures_dir / "captures").rglob("*.pcap"))
+    """Summary, findings and page are Chinese; results.json is the same as in English."""
+    capture = fixtures_dir / "captures/field/complaint-1.pcapng"
     files = {language: tmp_path / f"{language}.json" for language in ("en", "zh")}
+    page = tmp_path / "report.html"
     shown = {
-        language: _run("audit", f"{capture}", "--language", language, "--json", f"{file}").stdout
+        language: _run(
+            *("audit", f"{capture}", "--language", language),
+            *("--json", f"{file}", "--html", f"{page}"),
+        ).stdout
         for language, file in files.items()
     }
-    assert _CHINESE.search(shown["zh"])
+    assert "不符合" in shown["zh"]
     assert not _CHINESE.search(shown["en"])
-    english, chinese = (json.loads(file.read_text("utf-8")) for file in files.values())
+    english, chinese = (file.read_bytes() for file in files.values())
     assert english == chinese
+    finding = next(c for c in json.loads(english)["cases"] if c["verdict"] == "fail")
+    template, values = finding["message_template"], finding["message_values"]
+    message = UserMessage.of(finding["message"], template, values)
+    translation = translate(message, Language.CHINESE)
+    assert _CHINESE.search(translation)
+    assert translation in shown["zh"]
+    text = unescape(page.read_text("utf-8"))
+    assert '<html lang="zh"' in text
+    assert finding["message"] in text
+    assert translation in text
+
+
+def test_plan_in_chinese() -> None:
+    """The plan of a certification has why cases are skipped."""
+    shown = _run("--language", "zh", "certify", "controller", "--only", "4.1", "--dry-run").stdout
+    assert re.match(r"将运行 \d+ 个用例中的 \d+ 个，用时约 \d+ s：", shown)
+    assert "跳过：其危险等级未获许可：--allow state" in shown
+
+
+def test_an_error_is_in_chinese(tmp_path: Path) -> None:
+    """A problem of the user, with the values of its message."""
+    shown = _run("audit", f"{tmp_path}", SCARASPEC_LANGUAGE="zh")
+    assert shown.stderr == (
+        f"scaraspec: {tmp_path} 中没有抓包：没有 .mcap、.pcap、.pcapng 或 .cap\n"
+    )
+    assert shown.returncode == 2
+
+
+def test_commands_display_localized_text() -> None:
+    """No command prints a sentence of an f-string, or a constant one, past the catalogues."""
+    folder = ROOT / "conformance/scaraspec/cli"
+    assert [
+        f"{file.name}:{call.lineno}"
+        for file in folder.rglob("*.py")
+        for call in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "attr", "") in {"echo", "print"}
+        if {word for each in call.args for word in _words(each)} - _UNTRANSLATED
+    ] == []
+
+
+_UNTRANSLATED = {"UTC", "bold", "html", "ok", "report", "scaraspec"}
+
+
+def _words(node: ast.expr) -> set[str]:
+    """Return the words of a printed text that are not passed to a function."""
+    literals = [part for part in ast.walk(node) if isinstance(part, ast.Constant)]
+    passed = {
+        id(part)
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") not in {"Text", "visible"}
+        for part in ast.walk(call)
+    }
+    return {
+        word
+        for literal in literals
+        if isinstance(literal.value, str) and id(literal) not in passed
+        for word in re.findall("[A-Za-z]{2,}", literal.value)
+    }
+
+
+def test_samples_are_current(messages: ModuleType) -> None:
+    """docs/translation.md has samples of the present translations; else `make messages`."""
+    assert messages.PAGE.read_text("utf-8") == messages.page()

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.api.auditing import audit, title_of
 from scaraspec.report.model import Results
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.child_process import ignore_signals
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sources.joined import recordings
@@ -121,7 +121,7 @@ def _audited(
     try:
         return AuditedCapture(files, *audit(files, reproduction=reproduction, **options))
     except CaptureError as error:
-        return AuditedCapture(files, None, error=f"{error}")
+        return AuditedCapture(files, None, error=sentence_of(error))
 
 
 def _result_of(future: Future[AuditedCapture], files: tuple[Path, ...]) -> AuditedCapture:

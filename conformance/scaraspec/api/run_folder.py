@@ -112,7 +112,13 @@ class RunFolder:
             try:
                 write(results, self.path / name)
             except OSError as error:
-                problems.append(f"{self.path / name} cannot be written: {error.strerror}")
+                problems.append(
+                    UserMessage(
+                        "{path} cannot be written: {reason}",
+                        path=self.path / name,
+                        reason=error.strerror,
+                    )
+                )
         if problems:
             raise RunFolderError(problems[0])
 
@@ -133,7 +139,9 @@ class RunFolder:
             try:
                 recording.close()
             except SinkFailed as error:
-                yield f"{self.path}: the recording is incomplete: {error}"
+                yield UserMessage(
+                    "{path}: the recording is incomplete: {error}", path=self.path, error=error
+                )
 
     def __enter__(self) -> Self:
         """Return self."""

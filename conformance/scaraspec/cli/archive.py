@@ -19,6 +19,7 @@ from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.tables.archive.errors import ArchiveError
+from scaraspec.translation import localized
 
 EXAMPLE = "Example: scaraspec archive build captures --to archive"
 
@@ -66,18 +67,23 @@ def build(  # noqa: PLR0913 - one for each option
         due = work.total - work.unchanged
         with (
             suppress(KeyboardInterrupt),
-            shown_share("judging", "captures") as progress,
+            shown_share(localized("judging"), localized("captures")) as progress,
         ):
             for number, each in enumerate(work.archived, 1):
                 progress(number, due)
                 verdicts[each.verdict if each.stored else "not stored"] += 1
                 if each.reason:
-                    click.echo(visible_line(f"{each.url}: {each.reason}"), err=True)
+                    click.echo(visible_line(f"{each.url}: {localized(each.reason)}"), err=True)
     if left := due - verdicts.total():
         verdicts["interrupted"] = left
-    found = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
-    captures = "1 capture" if work.total == 1 else f"{work.total} captures"
-    click.echo(f"{captures}: {work.unchanged} unchanged{found and f', {found}'}")
+    counts = [f"{count} {localized(verdict)}" for verdict, count in sorted(verdicts.items())]
+    click.echo(
+        localized(
+            "1 capture: {counts}" if work.total == 1 else "{total} captures: {counts}",
+            total=work.total,
+            counts=", ".join([localized("{count} unchanged", count=work.unchanged), *counts]),
+        )
+    )
     if verdicts[UNREADABLE] or verdicts["not stored"] or left:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 

@@ -31,10 +31,11 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.readings import Dialect, ReadingError, parse_settings
 from scaraspec.suite.engine.ics import Ics, IcsError
+from scaraspec.translation import localized
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import parse
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
 
@@ -97,7 +98,9 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     name = name.replace("-", "_")
     if name not in OPERATIONS:
         near = difflib.get_close_matches(name, OPERATIONS, n=1)
-        hint = f"did you mean {near[0]}?" if near else "scaraspec call --help lists them"
+        hint: str = UserMessage("scaraspec call --help lists them")
+        if near:
+            hint = UserMessage("did you mean {name}?", name=near[0])
         raise Problem(UserMessage("there is no command {name!r}: {hint}", name=name, hint=hint))
     try:
         dialect = _dialect(ics, readings, timeout_s)
@@ -143,7 +146,8 @@ def _carry_out(  # noqa: PLR0913, PLR0917 - the options of the command line
             return getattr(client, name)(*values)
         pending = getattr(client, f"start_{name}")(*values)
         if announce and pending.accepted and not pending.done:
-            click.echo("accepted, waiting for the final result; Ctrl-C ends the wait", err=True)
+            text = "accepted, waiting for the final result; Ctrl-C ends the wait"
+            click.echo(localized(text), err=True)
         try:
             return pending.wait(timeout_s)
         except KeyboardInterrupt:
@@ -191,4 +195,4 @@ def _status(error: Exception) -> ExitStatus:
 def _sentence(error: Exception) -> str:
     if isinstance(error, OSError):
         return f"{error.filename}: {error.strerror}"
-    return str(error)
+    return sentence_of(error)

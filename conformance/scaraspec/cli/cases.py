@@ -16,11 +16,13 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Role
+from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.selection import SelectionError, parse_selection
 from scaraspec.suite.engine.specification import INTRO, MARK, render, rows
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec cases 4.15/2.missing"
@@ -69,9 +71,9 @@ def command(
     for sheet in sheets:
         _show(sheet, console, whole=bool(named))
     if named:
-        console.print(Padding(Text("\n".join(INTRO)), (1, 0, 0, 0)))
+        console.print(Padding(Text("\n".join(map(localized, INTRO))), (1, 0, 0, 0)))
     else:
-        click.echo(f"{len(sheets)} cases")
+        click.echo(localized("{count} cases", count=len(sheets)))
 
 
 def _named(case_id: str, roles: list[Role]) -> list[CaseSheet]:
@@ -87,7 +89,7 @@ def _unknown(case_id: str, roles: list[Role]) -> Problem:
         UserMessage(
             "there is no case {case_id!r}{hint}; `scaraspec cases` lists all",
             case_id=case_id,
-            hint=f", did you mean {' or '.join(near)}?" if near else "",
+            hint=UserMessage(", did you mean {names}?", names=", ".join(near)) if near else "",
         )
     )
 
@@ -116,31 +118,36 @@ def _write(path: Path, sheets: list[CaseSheet]) -> None:
             UserMessage("{path} cannot be written: {reason}", path=path, reason=error.strerror),
             ExitStatus.INCONCLUSIVE,
         ) from None
-    click.echo(f"{path}: {len(sheets)} cases")
+    click.echo(localized("{path}: {count} cases", path=path, count=len(sheets)))
+
+
+def _purpose(case: Case) -> str:
+    """Return the title of a case in the display language, and the rest of its docstring."""
+    return case.purpose.replace(case.sentence, localized(case.sentence), 1)
 
 
 def _show(sheet: CaseSheet, console: Console, *, whole: bool) -> None:
     case = sheet.case
     if whole:
-        console.print(f"[bold]{case.id}[/]  {case.role.value}")
-        console.print(Padding(Text(case.purpose), (0, 0, 0, 4)))
+        console.print(f"[bold]{case.id}[/]  {localized(case.role.value)}")
+        console.print(Padding(Text(_purpose(case)), (0, 0, 0, 4)))
         for label, lines in rows(sheet):
-            console.print(f"[bold]{label}[/]")
+            console.print(f"[bold]{localized(label)}[/]")
             for line in lines:
-                console.print(Padding(Text(line), (0, 0, 0, 4)))
+                console.print(Padding(Text(localized(line)), (0, 0, 0, 4)))
         for each in decisions():
             if each.role is case.role and case.id in each.cases:
-                console.print(f"[bold]decision of {each.date}[/]  {each.consequence.value}")
+                text = localized("decision of {date}", date=each.date)
+                console.print(f"[bold]{text}[/]  {each.consequence.value}")
                 console.print(Padding(Text(f"{each.question}\n{each.decision}"), (0, 0, 0, 4)))
         return
     hazards = ", ".join(hazard.value for hazard in Hazard if hazard in case.hazards)
     facts = [
-        case.role.value,
+        localized(case.role.value),
         hazards,
-        *(f"hook {hook}" for hook in case.needs),
-        f"{sheet.duration}",
+        *(localized("hook {hook}", hook=hook) for hook in case.needs),
+        localized(sheet.duration.sentence),
     ]
     console.print(f"[bold]{case.id}[/]  {'; '.join(facts)}", soft_wrap=True)
-    console.print(
-        Padding(Text(f"{case.sentence}\njudges {', '.join(case.requirements)}"), (0, 0, 0, 8))
-    )
+    judged = localized("judges {requirements}", requirements=", ".join(case.requirements))
+    console.print(Padding(Text(f"{localized(case.sentence)}\n{judged}"), (0, 0, 0, 8)))

@@ -13,6 +13,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.results import comparison_report
 from scaraspec.results.comparison import compare
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.errors import CaptureError
 
@@ -52,7 +53,7 @@ def command(before_path: Path, after_path: Path, port: int | None, *, summary: P
             )
         comparison = compare(before, after)
     for line in comparison_report.lines(comparison):
-        click.echo(visible_line(line))
+        click.echo(visible_line(localized(line)))
     with user_errors(worse=comparison.differs):
         append_summary(summary, comparison_report.markdown(comparison))
     raise SystemExit(ExitStatus.NONCONFORMANT if comparison.differs else ExitStatus.CONFORMANT)
@@ -76,7 +77,7 @@ def _compare_captures(
     except CaptureError as error:
         raise Problem(sentence_of(error)) from None
     for line in comparison_report.capture_lines(comparison):
-        click.echo(visible_line(line))
+        click.echo(visible_line(localized(line)))
     with user_errors(worse=comparison.differs):
         append_summary(summary, comparison_report.capture_markdown(comparison))
     raise SystemExit(comparison.exit_status)

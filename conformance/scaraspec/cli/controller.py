@@ -21,6 +21,7 @@ from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.frames import StreamItem
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
+from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import Serial, join_host_port, parse, split_host_port
 from scaraspec.user_message import UserMessage, sentence_of
@@ -208,11 +209,11 @@ async def _begin(server: Server, options: _Options) -> None:
         except SerialPortError as error:
             raise Problem(sentence_of(error)) from None
     if options.control:
-        Console(server, sys.stdin.fileno(), click.echo)
+        Console(server, sys.stdin.fileno(), lambda text: click.echo(localized(text)))
     where = join_host_port(host, port)
     if options.ready_file is not None:
         _announce(options.ready_file, where)
-    click.echo(f"listening on tcp://{where}")
+    click.echo(localized("listening on {url}", url=f"tcp://{where}"))
 
 
 def _reason(error: OSError | UnicodeError) -> str:

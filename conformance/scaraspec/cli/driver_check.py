@@ -13,6 +13,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import Driver, DriverError
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec driver-check 'scaraspec client-driver'"
@@ -41,9 +42,9 @@ def command(command_line: str, timeout_s: float) -> None:
         driver = Driver(command_line)
         with closing(driver):
             for step in _steps(driver, timeout_s):
-                click.echo(f"ok  {step}")
+                click.echo(f"ok  {localized(step)}")
     except DriverError as error:
-        click.echo(f"WRONG  {error}")
+        click.echo(localized("WRONG  {error}", error=error))
         raise SystemExit(ExitStatus.NONCONFORMANT) from None
 
 

@@ -8,6 +8,7 @@ from scaraspec.protocol.commands import parse_frame
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame, Framer, Skipped
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
@@ -15,13 +16,16 @@ EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
 
 def _explain(frame: Frame) -> list[str]:
     """Return lines about a frame: sender, command, data and defects."""
-    sender = "client" if frame.direction is Direction.A2C else "controller"
+    sender = localized("client" if frame.direction is Direction.A2C else "controller")
     parsed = parse_frame(frame)
     if parsed is None:
-        return [f"{frame}  {sender}: opcode {frame.opcode:02X} is not defined"]
+        text = "{frame}  {sender}: opcode {opcode:02X} is not defined"
+        return [localized(text, frame=frame, sender=sender, opcode=frame.opcode)]
     lines = [f"{frame}  {sender}: {parsed.command.name} {parsed.part} {show(frame.data)}".rstrip()]
-    lines += [f"  wrong: {complaint.text}" for complaint in parsed.decoded.issues]
-    lines += [f"  reading: {key}={option}" for key, option in parsed.decoded.readings]
+    lines += [localized("  wrong: {issue}", issue=each.text) for each in parsed.decoded.issues]
+    lines += [
+        localized("  reading: {reading}", reading=f"{k}={v}") for k, v in parsed.decoded.readings
+    ]
     return lines
 
 
@@ -50,7 +54,8 @@ def command(hexadecimal: tuple[str, ...]) -> None:
         for item in framer.feed(data) + framer.finish():
             if isinstance(item, Skipped):
                 wrong = True
-                click.echo(f"[{item.data.hex(' ').upper()}]  no frame: {item.reason.value}")
+                reason = localized("no frame: {reason}", reason=localized(item.reason.value))
+                click.echo(f"[{item.data.hex(' ').upper()}]  {reason}")
                 continue
             parsed = parse_frame(item)
             wrong = wrong or parsed is None or bool(parsed.decoded.issues)

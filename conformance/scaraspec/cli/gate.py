@@ -17,6 +17,7 @@ from scaraspec.results import gate_report
 from scaraspec.results.baseline import Baseline
 from scaraspec.results.gate import GateResult, gate
 from scaraspec.results.waivers import read_waivers
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec gate out --baseline baseline.json --waivers waivers.toml"
@@ -109,7 +110,7 @@ def _update(results: Results, path: Path) -> None:
             results.verdict.exit_status,
         )
     Baseline.of(results).write(path)
-    click.echo(UserMessage("{path} is updated", path=visible(f"{path}")))
+    click.echo(localized("{path} is updated", path=visible(f"{path}")))
 
 
 def _write(path: Path | None, mark: str, text: str) -> None:
@@ -120,7 +121,7 @@ def _write(path: Path | None, mark: str, text: str) -> None:
 
 def _show(result: GateResult) -> None:
     for line in gate_report.lines(result):
-        click.echo(visible_line(line))
+        click.echo(visible_line(localized(line)))
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in gate_report.annotations(result):
             click.echo(line)

@@ -15,6 +15,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.suite.engine.ics import UnreadableIcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
+from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage, sentence_of
 
@@ -71,12 +72,12 @@ def check(path: Path, url: str, *, password: str, state_dir: Path | None) -> Non
     with _user_errors():
         checked = check_ics(path, url, password=password, state_dir=state_dir)
     for problem in checked.problems:
-        click.echo(visible_line(problem))
+        click.echo(visible_line(localized(problem)))
     for line in _summary(checked) if url and not checked.problems else ():
-        click.echo(line)
+        click.echo(localized(line))
     if checked.problems:
         raise SystemExit(ExitStatus.NONCONFORMANT)
-    click.echo(f"{path}: no contradiction")
+    click.echo(localized("{path}: no contradiction", path=path))
 
 
 def _summary(checked: CheckedIcs) -> Iterator[str]:

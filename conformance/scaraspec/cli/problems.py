@@ -38,15 +38,14 @@ def unwritable(error: OSError, exit_status: ExitStatus = ExitStatus.USAGE) -> Pr
 
 def no_such_mutant(mutant_id: str, known: Iterable[str], role: str) -> Problem:
     """Return the problem for an unknown mutant id; it names the most similar ids."""
-    near = " or ".join(get_close_matches(mutant_id, known, n=2))
-    meant = f", did you mean {near}?" if near else ";"
-    listed = f"scaraspec prove --role {role} --list prints all"
+    near = ", ".join(get_close_matches(mutant_id, known, n=2))
     return Problem(
         UserMessage(
-            "--mutant {mutant_id}: there is no such mutant{meant} {listed}",
+            "--mutant {mutant_id}: there is no such mutant{meant}; scaraspec prove --role {role} "
+            "--list prints all",
             mutant_id=mutant_id,
-            meant=meant,
-            listed=listed,
+            meant=UserMessage(", did you mean {names}?", names=near) if near else "",
+            role=role,
         )
     )
 

@@ -19,6 +19,7 @@ from scaraspec.protocol.program_files import (
     listing,
     parse,
 )
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec program check pick-and-place.rob"
@@ -74,10 +75,10 @@ def check(file: Path) -> None:
     data = _read(file)
     findings = lint(data)
     for finding in findings:
-        click.echo(f"{file}: {finding}")
+        click.echo(f"{file}: {finding.heading} {localized(finding.message)}")
     layouts = detect(data)
     if layouts:
-        click.echo(f"{file}: layout {layouts[0].name}")
+        click.echo(localized("{file}: layout {layout}", file=file, layout=layouts[0].name))
     if any(finding.severity is Severity.ERROR for finding in findings):
         raise SystemExit(ExitStatus.NONCONFORMANT)
 

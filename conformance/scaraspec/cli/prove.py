@@ -5,7 +5,7 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 from rich.console import Console
@@ -21,6 +21,7 @@ from scaraspec.mutants.registry import Mutant
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
@@ -141,19 +142,24 @@ def command(  # noqa: PLR0913 - one for each option
 
 
 def _print_unmodified(role: Role, results: Results) -> None:
-    click.echo(f"unmodified {role.value}: {results.verdict.value}, {len(results.cases)} cases")
+    text = "unmodified {role}: {verdict}, {count} cases"
+    label = UserMessage(results.verdict.value.replace("-", " "))
+    role_name = UserMessage(role.value)
+    click.echo(localized(text, role=role_name, verdict=label, count=len(results.cases)))
 
 
 def _print_summary(matrix: KillMatrix) -> None:
     """Print the mutants that survived, the cases that killed none, and the counts."""
     for proof in matrix.survivors:
         violated = ", ".join(proof.requirements)
-        click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({violated})")
+        text = "SURVIVED {mutant}: {sentence} ({violated})"
+        click.echo(localized(text, mutant=proof.fault, sentence=proof.sentence, violated=violated))
     for case in matrix.idle:
-        click.echo(f"kills no mutant: {case}")
+        click.echo(localized("kills no mutant: {case}", case=case))
     click.echo(
-        "{killed} of {faults} mutants killed, {subtle_killed} of {subtle} subtle ones".format(
-            **matrix.counts
+        localized(
+            "{killed} of {faults} mutants killed, {subtle_killed} of {subtle} subtle ones",
+            **{name: matrix.counts[name] for name in _KILLED},
         )
     )
     for name, what in (
@@ -161,11 +167,17 @@ def _print_summary(matrix: KillMatrix) -> None:
         ("named_first", "the first line names a requirement that the mutant violates"),
     ):
         share = matrix.counts[name] / matrix.counts["faults"]
-        click.echo(f"{what}: {matrix.counts[name]} mutants ({share:.0%})")
+        count = f"{matrix.counts[name]}"
+        text = "{what}: {count} mutants ({percent:.0f}%)"
+        click.echo(localized(text, what=UserMessage(what), count=count, percent=100 * share))
+
+
+_KILLED: Final = ("killed", "faults", "subtle_killed", "subtle")
+"""The counts of the summary."""
 
 
 def _nothing_proved(reason: str) -> SystemExit:
-    click.echo(f"nothing proved: {reason}", err=True)
+    click.echo(localized("nothing proved: {reason}", reason=localized(reason)), err=True)
     return SystemExit(ExitStatus.NOTHING_TESTED)
 
 
@@ -194,11 +206,12 @@ def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     def show(alarm: Alarm) -> None:
         click.echo(f"{next(number)}/{count} {alarm.verdict} {' '.join(alarm.readings)}")
         for case, message in alarm.cases.items():
-            click.echo(f"    {case}: {message}")
+            click.echo(f"    {case}: {localized(message)}")
 
     alarms = prove_dialects(role, options, jobs=jobs, dialect_ends=show)
     passed = sum(not alarm.false for alarm in alarms)
-    click.echo(f"{passed} of {count} dialects without a failed or inconclusive case")
+    text = "{passed} of {count} dialects without a failed or inconclusive case"
+    click.echo(localized(text, passed=passed, count=count))
     if passed < count:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
@@ -213,12 +226,13 @@ class _Progress:
     def __init__(self, count: int) -> None:
         self._count, self._number = count, 0
         self._console = Console()
-        self.bar = ProgressBar(self._console, "proving", count, TimeRemainingColumn())
+        self.bar = ProgressBar(self._console, localized("proving"), count, TimeRemainingColumn())
 
     def add(self, proof: Proof) -> None:
         """Show the result of a mutant."""
         self._number += 1
         self.bar.count_one(proof.fault)
         if not self._console.is_terminal:
-            by = ", ".join(proof.killers) or "nothing"
-            click.echo(f"{self._number}/{self._count} {proof.fault}: killed by {by}")
+            by = ", ".join(proof.killers) or localized("nothing")
+            text = localized("{mutant}: killed by {cases}", mutant=proof.fault, cases=by)
+            click.echo(f"{self._number}/{self._count} {text}")

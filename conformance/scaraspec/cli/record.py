@@ -7,7 +7,7 @@ import asyncio
 import contextlib
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,6 +21,7 @@ from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
+from scaraspec.translation import localized
 from scaraspec.transports.url import (
     Serial,
     UrlError,
@@ -46,6 +47,7 @@ from scaraspec_recorder.monitoring.status import Status, StatusReader
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.recordings.triggers import SIGNAL
 from scaraspec_recorder.sinks.file_names import safe_name
+from scaraspec_recorder.spool.event_builder import ByteCounts
 from scaraspec_recorder.tap.routes import Mode
 
 EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --live"
@@ -167,10 +169,10 @@ def _check(out_dir: Path) -> None:
     """
     problems = health_problems(out_dir)
     for problem in problems:
-        click.echo(problem)
+        click.echo(localized(problem))
     if problems:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
-    click.echo(f"a recorder writes into {out_dir}")
+    click.echo(localized("a recorder writes into {folder}", folder=out_dir))
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
@@ -213,7 +215,8 @@ def _metrics(
             with metrics.serve(
                 host, port, lambda: [each.read_status() for each in watches]
             ) as found:
-                click.echo(f"metrics at http://{join_host_port(*found)}/metrics")
+                url = f"http://{join_host_port(*found)}/metrics"
+                click.echo(localized("metrics at {url}", url=url))
                 yield
         except metrics.MetricsError as error:
             raise Problem(sentence_of(error)) from None
@@ -257,12 +260,12 @@ async def _record(
 def _ask(with_signal: Sequence[Recording]) -> None:
     """Request a mark in each of these recordings."""
     if not with_signal:
-        click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
+        click.echo(localized("SIGUSR1 has no effect: no recording has --trigger signal"))
     for recording in with_signal:
         try:
             recording.request_mark()
         except OSError as error:
-            click.echo(f"SIGUSR1 has no effect: {error}")
+            click.echo(localized("SIGUSR1 has no effect: {error}", error=error))
 
 
 async def _record_one(
@@ -282,9 +285,10 @@ async def _record_one(
                 [text for text in robot.listen if "://" in text]
                 or [join_host_port(*address) for address in recording.addresses]
             )
-            click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
+            text = "recording {where} to {url} in {out}; press Ctrl-C to stop"
+            click.echo(localized(text, where=where, url=robot.url, out=robot.out))
             if missing := _missing(robot, recording):
-                click.echo(missing)
+                click.echo(localized(missing))
             await stopped.wait()
     except NotADirectoryError:
         raise Problem(
@@ -350,26 +354,54 @@ def _print_summary(statuses: Sequence[Status]) -> None:
         progress = status.progress
         if len(statuses) > 1:
             click.echo(f"{status.name}:")
-        for way, count in (("client", progress.a2c), ("controller", progress.c2a)):
-            least = "at least " if count.unknown_gaps else ""
-            rest = f" + {count.spooled_bytes} not written yet" if count.spooled_bytes else ""
-            click.echo(
-                f"from the {way}: {least}{count.received_bytes} bytes received and forwarded = "
-                f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps{rest}"
-            )
-            for reason, dropped_bytes in count.unforwarded_bytes.items():
-                click.echo(
-                    f"from the {way}: {dropped_bytes} bytes received and not forwarded: {reason}"
-                )
-        files = ", ".join(progress.files) or "none"
+        for way, count in (
+            (localized("from the client"), progress.a2c),
+            (localized("from the controller"), progress.c2a),
+        ):
+            for line in _counts(count):
+                click.echo(f"{way}: {line}")
+        files = ", ".join(progress.files) or localized("no files")
         if progress.earlier_files:
-            files = f"{progress.earlier_files} others, {files}"
-        click.echo(f"{progress.connections} connections; files: {files}")
+            count_text = localized("{count} others", count=progress.earlier_files)
+            files = f"{count_text}, {files}"
+        text = "{connections} connections; files: {files}"
+        click.echo(localized(text, connections=progress.connections, files=files))
         for problem in progress.problems:
-            click.echo(f"scaraspec: {problem}", err=True)
+            click.echo(f"scaraspec: {localized(problem)}", err=True)
         if not progress.finished:
-            rest = "start the recorder again with this folder to write the rest"
-            click.echo(f"scaraspec: {status.out_dir} is incomplete: {rest}", err=True)
+            text = localized(
+                "{folder} is incomplete: start the recorder again with this folder to write the "
+                "rest",
+                folder=status.out_dir,
+            )
+            click.echo(f"scaraspec: {text}", err=True)
         lost = lost or bool(progress.problems or status.gaps or not progress.finished)
     if lost:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
+
+
+def _counts(count: ByteCounts) -> Iterator[str]:
+    """Yield what became of the bytes of one direction."""
+    template = (
+        "at least {received} bytes received and forwarded = {recorded} recorded + {missing} in "
+        "{gaps} gaps"
+        if count.unknown_gaps
+        else "{received} bytes received and forwarded = {recorded} recorded + {missing} in {gaps} "
+        "gaps"
+    )
+    text = localized(
+        template,
+        received=count.received_bytes,
+        recorded=count.recorded_bytes,
+        missing=count.gap_bytes,
+        gaps=count.gaps,
+    )
+    if count.spooled_bytes:
+        text += localized(" + {count} not written yet", count=count.spooled_bytes)
+    yield text
+    for reason, dropped_bytes in count.unforwarded_bytes.items():
+        yield localized(
+            "{count} bytes received and not forwarded: {reason}",
+            count=dropped_bytes,
+            reason=localized(reason),
+        )

@@ -10,6 +10,7 @@ from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.translation import localized, translated_error
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
@@ -41,14 +42,17 @@ def command(files: tuple[Path, ...]) -> None:
                 _print_summary(report)
                 whole = whole and not (report.repaired or unwritten_bytes)
                 if unwritten_bytes:
-                    click.echo(
-                        f"  a killed recorder left up to {unwritten_bytes} bytes unwritten: "
-                        f"scaraspec record --out {file.parent} writes them"
+                    text = localized(
+                        "a killed recorder left up to {count} bytes unwritten: scaraspec record "
+                        "--out {folder} writes them",
+                        count=unwritten_bytes,
+                        folder=file.parent,
                     )
+                    click.echo(f"  {text}")
                 _draw(report)
         except CaptureError as error:
             whole = False
-            click.echo(f"scaraspec: {error}", err=True)
+            click.echo(f"scaraspec: {translated_error(error)}", err=True)
         except OSError as error:
             advice = "; free some disk space" if error.errno == errno.ENOSPC else ""
             why = UserMessage("{value}{advice}", value=error.strerror or error, advice=advice)
@@ -62,15 +66,17 @@ def command(files: tuple[Path, ...]) -> None:
 
 
 def _print_summary(report: RepairReport) -> None:
-    found = "repaired" if report.repaired else "whole"
-    last = ""
+    template = "repaired, {count} events" if report.repaired else "whole, {count} events"
+    text = localized(template, count=report.events)
     if report.last_ns:
-        last = f", the last of {datetime.fromtimestamp(report.last_ns / 1e9, UTC):%F %T.%f} UTC"
-    click.echo(f"{report.path}: {found}, {report.events} events{last}")
+        last = f"{datetime.fromtimestamp(report.last_ns / 1e9, UTC):%F %T.%f} UTC"
+        text += localized(", the last of {time}", time=last)
+    click.echo(f"{report.path}: {text}")
     for note in report.notes:
-        click.echo(f"  {note}")
+        click.echo(f"  {localized(note)}")
     if report.original:
-        click.echo(f"  the damaged file is kept as {report.original}")
+        text = localized("the damaged file is kept as {file}", file=report.original)
+        click.echo(f"  {text}")
 
 
 def _draw(report: RepairReport) -> None:
@@ -79,9 +85,13 @@ def _draw(report: RepairReport) -> None:
     if has_complete_rrd(drawn) and not report.repaired:
         return
     if not has_viewer():
-        click.echo(f"  {drawn} was not written: {NO_VIEWER}")
+        text = localized("{file} was not written: {why}", file=drawn, why=localized(NO_VIEWER))
+        click.echo(f"  {text}")
         return
     try:
-        click.echo(f"  {rebuild_rrd(report.path)} written again")
+        text = localized("{file} written again", file=rebuild_rrd(report.path))
+        click.echo(f"  {text}")
     except OSError as error:  # the recording itself is repaired
-        click.echo(f"  {drawn} was not written: {error.strerror or error}")
+        why = error.strerror or error
+        text = localized("{file} was not written: {why}", file=drawn, why=why)
+        click.echo(f"  {text}")

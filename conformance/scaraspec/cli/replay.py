@@ -14,6 +14,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.sanitizing import visible_line
+from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import UrlError
 from scaraspec.user_message import UserMessage, sentence_of
@@ -45,8 +46,14 @@ class _Tally:
         if step.differs:
             self._different += 1
             if len(self._shown) < _MAX_SHOWN:
-                now = step.new_reply or f"no {'final result' if step.is_result else 'reply'}"
-                self._shown.append(f"{step.name}: {now}, recorded: {step.recorded_reply}")
+                missing = localized("no final result" if step.is_result else "no reply")
+                line = localized(
+                    "{name}: {now}, recorded: {recorded}",
+                    name=step.name,
+                    now=step.new_reply or missing,
+                    recorded=step.recorded_reply,
+                )
+                self._shown.append(line)
 
     def report(self, connection: str, *, complete: bool) -> None:
         """Print the counts and exit with the matching status.
@@ -60,16 +67,24 @@ class _Tally:
         """
         total = self._sent + self._skipped.total()
         click.echo(
-            f"sent {self._sent} of {total} messages of the client of connection {connection}"
+            localized(
+                "sent {count} of {total} messages of the client of connection {connection}",
+                count=self._sent,
+                total=total,
+                connection=connection,
+            )
         )
         for (name, reason), count in self._skipped.most_common():
-            click.echo(f"  skipped {count} {name} ({reason})")
+            text = "  skipped {count} {name} ({reason})"
+            click.echo(localized(text, count=count, name=name, reason=localized(reason)))
         equal = self._sent + self._results - self._different
-        click.echo(f"{equal} replies as in the capture, {self._different} different")
+        text = "{equal} replies as in the capture, {different} different"
+        click.echo(localized(text, equal=equal, different=self._different))
         for line in self._shown:
             click.echo(visible_line(f"  {line}"))
         if self._different > len(self._shown):
-            click.echo(f"  and {self._different - len(self._shown)} more")
+            hidden = self._different - len(self._shown)
+            click.echo(localized("  and {count} more", count=hidden))
         if not self._sent:
             raise SystemExit(ExitStatus.NOTHING_TESTED)
         if self._different:

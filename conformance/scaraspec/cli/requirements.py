@@ -30,6 +30,7 @@ from scaraspec.mutants import controller as controller_mutants
 from scaraspec.register import Entry, register
 from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, collect
 from scaraspec.suite.engine.plan import Options
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
@@ -71,8 +72,8 @@ class Coverage:
 def _tests_text(tests: object) -> str:
     """Return the tests of one method as text."""
     if isinstance(tests, int):
-        return f"{tests} rule" + "s" * (tests > 1)
-    return ", ".join(tests) if isinstance(tests, list) else str(tests)
+        return localized("1 rule" if tests == 1 else "{count} rules", count=tests)
+    return ", ".join(tests) if isinstance(tests, list) else localized(str(tests))
 
 
 def _as_json(requirement: Requirement, coverage: Coverage) -> dict[str, object]:
@@ -123,13 +124,14 @@ def command(clause: str | None, entry: str | None, *, uncovered: bool, as_json: 
         return
     console = Console(highlight=False)
     for r in chosen:
-        facts = (r.where, r.binds.value, r.strength.value, r.hazard.value)
+        facts = (str(r.where), *map(localized, (r.binds.value, r.strength.value, r.hazard.value)))
         console.print(f"[bold]{r.id}[/]  {', '.join(fact for fact in facts if fact)}")
         tested = "; ".join(
-            f"{method}: {_tests_text(tests)}" for method, tests in coverage.of(r).items()
+            f"{localized(method)}: {_tests_text(tests)}" for method, tests in coverage.of(r).items()
         )
-        console.print(Padding(Text(f"{r.sentence}\n{tested}"), (0, 0, 0, 8)))
-    click.echo(f"{len(chosen)} of {len(REQUIREMENTS)} requirements")
+        console.print(Padding(Text(f"{localized(r.sentence)}\n{tested}"), (0, 0, 0, 8)))
+    text = "{count} of {total} requirements"
+    click.echo(localized(text, count=len(chosen), total=len(REQUIREMENTS)))
 
 
 def _print_json(value: object) -> None:
@@ -154,21 +156,21 @@ def _show_entry(name: str, *, as_json: bool) -> None:
     console = Console(highlight=False)
     for label, value in fields.items():
         lines = value if isinstance(value, list) else [value]
-        console.print(f"[bold]{label}[/]")
-        for line in lines or ["none"]:
-            console.print(Padding(Text(line), (0, 0, 0, 4)))
+        console.print(f"[bold]{localized(label)}[/]")
+        for line in lines or [localized("nothing")]:
+            console.print(Padding(Text(localized(line)), (0, 0, 0, 4)))
 
 
 def _of_register(entry: Entry) -> dict[str, str | list[str]]:
     fields: dict[str, str | list[str]] = {
         "id": entry.id,
-        "title": entry.title,
-        "verdict": entry.verdict,
+        UserMessage("title"): entry.title,
+        UserMessage("verdict"): entry.verdict,
         "lines of the document": entry.where,
         "the document says": entry.says,
-        "problem": entry.problem,
-        "readings": entry.readings,
-        "default": entry.default,
+        UserMessage("problem"): entry.problem,
+        UserMessage("readings"): entry.readings,
+        UserMessage("default"): entry.default,
         "what a report may say": entry.tool_may_say,
     }
     return fields | ({"key of the reading": entry.key} if entry.key else {})
@@ -177,13 +179,15 @@ def _of_register(entry: Entry) -> dict[str, str | list[str]]:
 def _of_requirement(found: Requirement) -> dict[str, str | list[str]]:
     return {
         "id": found.id,
-        "requirement": found.sentence,
+        UserMessage("requirement"): found.sentence,
         "lines of the document": str(found.where),
         "the document says": found.original,
         "register entries": list(found.register),
-        "rules": [_rule_location(rule) for rule in RULES if rule.requirement == found.id],
-        "cases": list(_case_locations(found.id)),
-        "mutants": list(_mutant_locations(found.id)),
+        UserMessage("rules"): [
+            _rule_location(rule) for rule in RULES if rule.requirement == found.id
+        ],
+        UserMessage("cases"): list(_case_locations(found.id)),
+        UserMessage("mutants"): list(_mutant_locations(found.id)),
     }
 
 
@@ -203,7 +207,12 @@ def _case_locations(requirement_id: str) -> Iterator[str]:
         for case, file in cases_in(folder, role):
             if requirement_id in case.requirements:
                 place = _location(str(file), _function_lines(file)[case.function])
-                yield f"{place}: {case.id}: {case.sentence}"
+                yield UserMessage(
+                    "{place}: {case}: {sentence}",
+                    place=place,
+                    case=case.id,
+                    sentence=case.sentence,
+                )
 
 
 @cache

@@ -21,6 +21,7 @@ import click
 
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
+from scaraspec.translation import localized
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -79,7 +80,8 @@ def outliving_readers() -> Iterator[None]:
         sys.stdout.flush()
         error = next((file.error for file in files if file and file.error), "")
         if error and not ended.code:
-            click.echo(f"scaraspec: the output cannot be written: {error}", err=True)
+            text = localized("the output cannot be written: {error}", error=error)
+            click.echo(f"scaraspec: {text}", err=True)
             raise SystemExit(ExitStatus.INCONCLUSIVE) from None
         raise
 

@@ -13,6 +13,7 @@ from scaraspec.api.certificates import (
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
+from scaraspec.translation import localized, translated_error
 from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec verify robot.scaraspec.zip --signer laboratory.pub"
@@ -58,33 +59,35 @@ def _write(path: Path, verification: Verification) -> None:
     try:
         write_certificate(verification, path)
     except PackageError as error:
-        click.echo(visible_line(f"{error}"))
+        click.echo(visible_line(translated_error(error)))
     except OSError as error:
         raise Problem(
             UserMessage("{path} cannot be written: {reason}", path=path, reason=error.strerror),
             ExitStatus.INCONCLUSIVE,
         ) from None
     else:
-        click.echo(visible_line(UserMessage("{path}: written", path=path)))
+        click.echo(visible_line(localized("{path}: written", path=path)))
 
 
 def show(package: Path, verification: Verification) -> None:
     """Print one line for each check, its problems, and the conclusion."""
     for check in verification.checks:
         mark = _mark(check.status, genuine=verification.genuine)
-        click.echo(visible_line(f"{check.name:11} {mark}  {check.note}").rstrip())
+        click.echo(
+            visible_line(f"{localized(check.name):11} {mark}  {localized(check.note)}").rstrip()
+        )
         for problem in check.problems:
-            click.echo(visible_line(f"  {problem}"))
-    click.echo(visible_line(_conclusion(package, verification)))
+            click.echo(visible_line(f"  {localized(problem)}"))
+    click.echo(visible_line(localized(_conclusion(package, verification))))
 
 
 def _mark(status: ExitStatus, *, genuine: bool) -> str:
     """Return the result of a check. In a genuine package only the conclusion can fail."""
     if status is ExitStatus.CONFORMANT:
-        return "ok"
+        return localized("ok")
     if status is ExitStatus.INCONCLUSIVE:
-        return "undecided"
-    return "FAILED" if genuine else "REFUSED"
+        return localized("undecided")
+    return localized("FAILED" if genuine else "REFUSED")
 
 
 def _conclusion(package: Path, verification: Verification) -> str:

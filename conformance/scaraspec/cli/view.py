@@ -25,6 +25,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.report.root_causes import summary
 from scaraspec.report.sanitizing import visible
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
@@ -110,10 +111,11 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
                 if summary.whole:
                     return (drawn if has_complete_rrd(drawn) else rebuild_rrd(file)), True
         except OSError as error:
-            click.echo(f"{file} is drawn elsewhere: {error.strerror or error}", err=True)
+            why = error.strerror or error
+            click.echo(localized("{file} is drawn elsewhere: {why}", file=file, why=why), err=True)
     write_rrd(capture, scratch, needs_login=capture.needs_login, cases=cases)
     for note in capture.summary.notes:
-        click.echo(visible(f"{file}: {note}"), err=True)
+        click.echo(visible(f"{file}: {localized(note)}"), err=True)
     return scratch, capture.summary.complete
 
 
@@ -136,7 +138,7 @@ def _cases(file: Path) -> Iterator[tuple[int, str]]:
 
 def _show(drawn: Path, at_ns: int | None) -> None:
     """Open the viewer, move to a time if one is given, and wait until the viewer is closed."""
-    click.echo(f"{drawn} is open in the viewer; close the viewer to end")
+    click.echo(localized("{file} is open in the viewer; close the viewer to end", file=drawn))
     port = _free_port()
     arguments = ("--bind", "127.0.0.1", "--port", f"{port}", str(drawn))
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
@@ -178,4 +180,4 @@ def _seek(viewer: subprocess.Popen[bytes], url: str, at_ns: int) -> None:
                 client.set_time("time", timestamp=moment, play_state="paused")
                 return
         time.sleep(_AGAIN_S)
-    click.echo("the viewer cannot be reached: move to the time by hand", err=True)
+    click.echo(localized("the viewer cannot be reached: move to the time by hand"), err=True)

@@ -82,7 +82,7 @@ def _code(text: str | None, raw: bytes) -> errors.Code | None:
 
 
 def _undecodable(parsed: Parsed, data: bytes) -> ProtocolError:
-    reply_kind = "final result" if parsed.part == "result" else "reply"
+    reply_kind = UserMessage("final result" if parsed.part == "result" else "reply")
     issues = parsed.decoded.issues
     reason = issues[0].text if issues else show(data)
     return ProtocolError(

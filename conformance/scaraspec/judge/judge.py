@@ -35,6 +35,7 @@ from scaraspec.traffic.dialogue import Dialogue
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
 from scaraspec.traffic.robot_state import LONGEST_PAUSE_NS, RESULT_LAG_NS, RobotState
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
+from scaraspec.user_message import UserMessage
 
 _MAX_FINDINGS: Final = 50
 """Kept findings per requirement and verdict; further ones are only counted."""
@@ -255,7 +256,7 @@ class Judge:
                         verdict=Verdict.INCONCLUSIVE,
                         cause=Cause.SET_UP,
                         side=Side.RECORDING,
-                        message=f"{finding.message}; {reason}",
+                        message=_with_reason(finding.message, reason),
                     )
                     tally.others[Verdict.FAIL] -= 1
                     tally.others[Verdict.INCONCLUSIVE] += 1
@@ -352,6 +353,11 @@ def _unreliable(traffic_event: TrafficEvent, robot: RobotState) -> Side | None:
     return Side.RECORDING if robot.bytes_missing else Side.NETWORK
 
 
+def _with_reason(message: str, reason: str) -> str:
+    """Return the message of a failure that may have another reason."""
+    return UserMessage.joined(message, "; {reason}", reason=reason)
+
+
 def _finding(
     requirement: str, judged: RuleResult, traffic_event: TrafficEvent, unreliable: Side | None
 ) -> Finding:
@@ -364,7 +370,7 @@ def _finding(
     if verdict is Verdict.FAIL and not is_certain(traffic_event):
         ambiguous = isinstance(traffic_event, Exchange) and traffic_event.ambiguous
         reason = _AMBIGUOUS if ambiguous else _UNCERTAIN[unreliable]
-        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {reason}"
+        verdict, message = Verdict.INCONCLUSIVE, _with_reason(message, reason)
     elif message.endswith(_ASSUMES_GAP) and not unreliable and not is_certain(traffic_event):
         message = _IN_OTHER_BYTES
     elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:

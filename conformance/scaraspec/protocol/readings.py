@@ -754,7 +754,11 @@ def _find(key: str) -> Reading:
         return reading
     # The time of the search grows with the text; no key has half of 40 characters.
     near = difflib.get_close_matches(key[:40], READINGS, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"the readings are {', '.join(READINGS)}"
+    hint = (
+        UserMessage("did you mean {name}?", name=near[0])
+        if near
+        else UserMessage("the readings are {names}", names=", ".join(READINGS))
+    )
     raise ReadingError(
         UserMessage("unknown reading {key}: {hint}", key=reprlib.repr(key), hint=hint)
     )

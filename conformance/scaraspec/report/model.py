@@ -160,9 +160,12 @@ class Evidence:
     @property
     def place(self) -> str:
         """The position in short form: ``connection 1, A2C byte 239, 216 bytes``."""
-        return (
-            f"connection {self.connection}, {self.direction.value} "
-            f"byte {self.offset_bytes}, {self.length_bytes} bytes"
+        return UserMessage(
+            "connection {connection}, {direction} byte {offset_bytes}, {length_bytes} bytes",
+            connection=self.connection,
+            direction=self.direction.value,
+            offset_bytes=self.offset_bytes,
+            length_bytes=self.length_bytes,
         )
 
 

@@ -34,6 +34,7 @@ from scaraspec.traffic.events import (
     Transfer,
 )
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
+from scaraspec.user_message import UserMessage
 
 _MAX_LISTED: Final = 500
 _RUNS: Final = ("run_program", "simulate_program")
@@ -67,7 +68,7 @@ class _Connection:
     @property
     def remark(self) -> str:
         """The addresses and the number of injected faults."""
-        faults = f"injected faults: {self.faults}" if self.faults else ""
+        faults = UserMessage("injected faults: {faults}", faults=self.faults) if self.faults else ""
         return "; ".join(filter(None, (self.note, faults)))
 
 

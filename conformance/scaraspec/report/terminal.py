@@ -146,8 +146,8 @@ def _text(text: str, style: str = "") -> Text:
 
 def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
     yield from map(localized, results.notices)
-    yield f"{localized(results.label)}: {results.subject.title}"
-    yield f"{_counts(results)}; {_coverage(results)}"
+    yield localized("{label}: {title}", label=results.label, title=results.subject.title)
+    yield localized("{counts}; {coverage}", counts=_counts(results), coverage=_coverage(results))
     yield from _not_judged(results)
     for side, dialect in _dialects(results):
         yield localized("dialect of the {side}: {dialect}", side=UserMessage(side), dialect=dialect)
@@ -264,16 +264,19 @@ def _what(case: Case) -> str:
     """Return the finding in one line."""
     message = localized(case.message)
     compared = comparison(*(_one_line(localized(each)) for each in (case.expected, case.observed)))
-    return f"{message} ({compared})".strip() if compared else message
+    if not compared:
+        return message
+    return localized("{message} ({compared})", message=message, compared=compared).strip()
 
 
 def comparison(expected: str, observed: str) -> str:
     """Return what was expected and observed in the display language, as far as it is stated."""
-    parts = (
-        localized("expected {expected}", expected=expected) if expected else "",
-        localized("observed {observed}", observed=observed) if observed else "",
-    )
-    return "; ".join(filter(None, parts))
+    if not expected:
+        return localized("observed {observed}", observed=observed) if observed else ""
+    if not observed:
+        return localized("expected {expected}", expected=expected)
+    template = "expected {expected}; observed {observed}"
+    return localized(template, expected=expected, observed=observed)
 
 
 def _one_line(text: str, limit: int = 80) -> str:
@@ -289,10 +292,12 @@ def _where(case: Case, results: Results) -> str:
     """Return the position; in a capture also the addresses, the packet and the time of day."""
     at = case.moment
     if at is None:
-        return case.wire[0].place if case.wire else ""
+        return localized(case.wire[0].place) if case.wire else ""
     packet = localized("packet {number}", number=at.packet) if at.packet else ""
     addresses = _addresses(results).get(at.connection, "")
-    return ", ".join(filter(None, (at.place, addresses, packet, formatting.instant(at.time_ns))))
+    return ", ".join(
+        filter(None, (localized(at.place), addresses, packet, formatting.instant(at.time_ns)))
+    )
 
 
 def _addresses(results: Results) -> dict[str, str]:

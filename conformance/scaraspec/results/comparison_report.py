@@ -8,6 +8,7 @@ from scaraspec.report.model import Case, Timing
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.results.dialogue_comparison import CaptureComparison
 from scaraspec.results.markdown import escaped, table
+from scaraspec.user_message import UserMessage
 
 _CONCLUSIONS: Final = {
     ExitStatus.CONFORMANT: "no difference",
@@ -23,7 +24,7 @@ def lines(comparison: Comparison) -> Iterator[str]:
     yield from _differences(comparison)
     yield "the behaviour differs" if comparison.differs else "no difference"
     for command, before, after in _latencies(comparison):
-        yield f"latency · {command} · {before} -> {after}"
+        yield _difference(UserMessage("latency"), command, before, after)
 
 
 def markdown(comparison: Comparison) -> str:
@@ -50,7 +51,7 @@ def capture_lines(comparison: CaptureComparison) -> Iterator[str]:
     yield from _capture_differences(comparison)
     yield _CONCLUSIONS[comparison.exit_status]
     for command, before, after in _latencies(comparison.judged):
-        yield f"latency · {command} · {before} -> {after}"
+        yield _difference(UserMessage("latency"), command, before, after)
 
 
 def capture_markdown(comparison: CaptureComparison) -> str:
@@ -61,42 +62,62 @@ def capture_markdown(comparison: CaptureComparison) -> str:
 
 def _capture_differences(comparison: CaptureComparison) -> Iterator[str]:
     dialogue, judged = comparison.dialogue, comparison.judged
-    yield from _changes("answered differently", dialogue.outcomes)
-    yield from _changes("request", dialogue.actions)
-    yield from _changes("replies", dialogue.replies)
+    yield from _changes(UserMessage("answered differently"), dialogue.outcomes)
+    yield from _changes(UserMessage("request"), dialogue.actions)
+    yield from _changes(UserMessage("replies"), dialogue.replies)
     yield from _failures("new failure", judged.new)
     yield from _failures("gone failure", judged.gone)
     for before, after in judged.changed:
-        yield f"changed failure · {after.id} · {before.message} -> {after.message}"
-    yield from _changes("reading", judged.readings)
+        changed = UserMessage("changed failure")
+        yield _difference(changed, after.id, before.message, after.message)
+    yield from _changes(UserMessage("reading"), judged.readings)
 
 
 def _titles(comparison: Comparison) -> Iterator[str]:
-    for word, results in (("before", comparison.before), ("after", comparison.after)):
+    for word, results in (
+        (UserMessage("before"), comparison.before),
+        (UserMessage("after"), comparison.after),
+    ):
         title = f"{results.subject.title} {results.subject.version}".rstrip()
-        yield f"{word}: {title}: {results.label}"
+        yield UserMessage("{word}: {title}: {label}", word=word, title=title, label=results.label)
 
 
 def _differences(comparison: Comparison) -> Iterator[str]:
     yield from _failures("new failure", comparison.new)
     yield from _failures("gone failure", comparison.gone)
     for before, after in comparison.changed:
-        yield f"changed failure · {after.id} · {before.message} -> {after.message}"
-    yield from _changes("verdict", comparison.verdicts)
-    yield from _changes("reading", comparison.readings)
+        changed = UserMessage("changed failure")
+        yield _difference(changed, after.id, before.message, after.message)
+    yield from _changes(UserMessage("verdict"), comparison.verdicts)
+    yield from _changes(UserMessage("reading"), comparison.readings)
     for word, ids in (("no longer judged", comparison.lost), ("now judged", comparison.gained)):
         if ids:
-            yield f"{word} · {', '.join(ids)}"
-    yield from _changes("setting", comparison.settings)
+            yield UserMessage("{word} · {ids}", word=UserMessage(word), ids=", ".join(ids))
+    yield from _changes(UserMessage("setting"), comparison.settings)
 
 
 def _failures(word: str, cases: Sequence[Case]) -> Iterator[str]:
-    return (f"{word} · {case.id} · {case.message}" for case in cases)
+    return (
+        UserMessage(
+            "{what} · {name} · {message}",
+            what=UserMessage(word),
+            name=case.id,
+            message=case.message,
+        )
+        for case in cases
+    )
 
 
 def _changes(word: str, changes: Sequence[Change]) -> Iterator[str]:
     for change in changes:
-        yield f"{word} · {change.name} · {change.before or 'none'} -> {change.after or 'none'}"
+        before, after = (each or "–" for each in (change.before, change.after))
+        yield _difference(word, change.name, before, after)
+
+
+def _difference(what: str, name: str, before: str, after: str) -> str:
+    return UserMessage(
+        "{what} · {name} · {before} -> {after}", what=what, name=name, before=before, after=after
+    )
 
 
 def _latencies(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
@@ -106,5 +127,10 @@ def _latencies(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
 
 def _timing(timing: Timing | None) -> str:
     if timing is None:
-        return "none"
-    return f"p50 {timing.p50_ms:.3g} ms, p99 {timing.p99_ms:.3g} ms, {timing.count} times"
+        return "–"
+    return UserMessage(
+        "p50 {p50_ms} ms, p99 {p99_ms} ms, {count} times",
+        p50_ms=f"{timing.p50_ms:.3g}",
+        p99_ms=f"{timing.p99_ms:.3g}",
+        count=timing.count,
+    )

@@ -15,6 +15,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.traffic.events import Ending, Exchange
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.sinks import text as event_text
 
 _POSES: Final = frozenset({"get_tool_coordinates", "get_joint_angles"})
@@ -190,7 +191,7 @@ def _occurs(command: str, value: Any, others: dict[Any, str]) -> bool:
 
 
 def _some(texts: list[str], limit: int = 3) -> str:
-    more = f" and {len(texts) - limit} more" if len(texts) > limit else ""
+    more = UserMessage(" and {count} more", count=len(texts) - limit) if len(texts) > limit else ""
     return f"{'; '.join(texts[:limit])}{more}"
 
 

@@ -19,10 +19,10 @@ CODE_QUALITY_MARK: Final = '"path": "scaraspec'
 """What a code quality report contains unless it is empty."""
 
 _TITLES: Final = {
-    ExitStatus.CONFORMANT: "passed",
-    ExitStatus.NONCONFORMANT: "failed",
-    ExitStatus.INCONCLUSIVE: "inconclusive",
-    ExitStatus.NOTHING_TESTED: "nothing was tested",
+    ExitStatus.CONFORMANT: UserMessage("passed"),
+    ExitStatus.NONCONFORMANT: UserMessage("failed"),
+    ExitStatus.INCONCLUSIVE: UserMessage("inconclusive"),
+    ExitStatus.NOTHING_TESTED: UserMessage("nothing was tested"),
 }
 _SHOWN_PROBLEMS: Final = 50
 _ESCAPED: Final = {"%": "%25", "\n": "%0A"}
@@ -32,30 +32,38 @@ _ESCAPED_IN_VALUE: Final = {":": "%3A", ",": "%2C"}
 def title_of(result: GateResult) -> str:
     """Return the result in one line."""
     count = len(result.problems)
-    problems = f": {count} problem{'s' * (count != 1)}" if count else ""
-    return f"gate {_TITLES[result.exit_status]}{problems}; {result.results.label}"
+    title = _TITLES[result.exit_status]
+    if count:
+        template = ": 1 problem" if count == 1 else ": {count} problems"
+        title = UserMessage.joined(title, template, count=count)
+    return UserMessage("gate {title}; {label}", title=title, label=result.results.label)
 
 
 def lines(result: GateResult) -> Iterator[str]:
     """Yield the result as plain lines, problems first."""
-    yield f"{title_of(result)}: {result.results.subject.title}"
+    subject = result.results.subject.title
+    yield UserMessage("{title}: {subject}", title=title_of(result), subject=subject)
     for problem in result.problems:
-        yield f"{problem.kind.title} · {problem.id} · {problem.message}"
+        yield _line(UserMessage(problem.kind.title), problem.id, problem.message)
         if problem.case and problem.case.replay:
-            yield f"  reproduction command: {problem.case.replay}"
+            yield UserMessage("  reproduction command: {command}", command=problem.case.replay)
     for case in result.undecided:
-        yield f"{case.verdict.value} · {case.id} · {case.message}"
+        yield _line(UserMessage(case.verdict.value), case.id, case.message)
     if result.not_run:
         yield UserMessage(
             "inconclusive · --fail-fast · cases that did not run: {count}", count=result.not_run
         )
     for case_id, why in result.accepted.items():
-        yield f"accepted · {case_id} · {why}"
+        yield _line(UserMessage("accepted"), case_id, why)
     for failure in result.fixed:
         yield UserMessage(
             "fixed · {case} · the known failure does not occur any more; --update removes it",
             case=failure.case,
         )
+
+
+def _line(what: str, name: str, message: str) -> str:
+    return UserMessage("{what} · {name} · {message}", what=what, name=name, message=message)
 
 
 def markdown(result: GateResult) -> str:

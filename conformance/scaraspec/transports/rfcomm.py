@@ -53,7 +53,7 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
     try:
         return SocketLink(open_channel(address, timeout_s))
     except TimeoutError:
-        reason = f"no response within {timeout_s:g} s"
+        reason: str = UserMessage("no response within {timeout_s:g} s", timeout_s=timeout_s)
     except OSError as error:
         reason = error.strerror or f"{error}"
     raise LinkError(

@@ -174,7 +174,7 @@ def test_content_of_a_case(page: Page) -> None:
     ):
         assert part in text
     chinese = visible_text(case, "zh")
-    for part in ("应为 one final result", "责任方: 被测系统", "控制层 → 应用层", "第 73 字节起"):
+    for part in ("应为 一个最终结果", "责任方: 被测系统", "控制层 → 应用层", "第 73 字节起"):
         assert part in chinese
     assert "open" in case.attributes
 

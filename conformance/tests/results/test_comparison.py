@@ -54,7 +54,7 @@ def test_readings_settings_and_latency(results: Results) -> None:
     assert found.settings == (Change("allow", "state", "motion"),)
     assert not found.differs
     text = "\n".join(comparison_report.lines(found))
-    assert "latency · get_status · none -> p50 0.02 ms, p99 0.04 ms, 3 times" in text
+    assert "latency · get_status · – -> p50 0.02 ms, p99 0.04 ms, 3 times" in text
     assert "setting · allow · state -> motion" in text
     page = comparison_report.markdown(found)
-    assert r"| get\_status | none | p50 0.02 ms, p99 0.04 ms, 3 times |" in page
+    assert r"| get\_status | – | p50 0.02 ms, p99 0.04 ms, 3 times |" in page

@@ -91,7 +91,13 @@ class LineDisplay:
             return
         else:
             for status in open_ones:
-                self._say(f"{status.name}: still writing, {_size(status.waiting_bytes)} remaining")
+                self._say(
+                    UserMessage(
+                        "{name}: still writing, {size} remaining",
+                        name=status.name,
+                        size=_size(status.waiting_bytes),
+                    )
+                )
         self._ending_s = now_s
 
 
@@ -125,9 +131,17 @@ class _Problems:
         assert self.status
         lines = list(self.problems[len(before.problems) :])
         if self.gaps != before.gaps:
-            lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
+            lines.append(
+                UserMessage(
+                    "{gaps} gaps so far, {size} not recorded",
+                    gaps=self.gaps,
+                    size=_size(self.status.lost_bytes),
+                )
+            )
         if (self.stalled, self.reason) != (before.stalled, before.reason):
-            waiting = f"writing is stalled, {_size(self.status.waiting_bytes)} waiting"
+            waiting = UserMessage(
+                "writing is stalled, {size} waiting", size=_size(self.status.waiting_bytes)
+            )
             why = UserMessage(": {reason}", reason=self.reason) if self.reason else ""
             lines.append(f"{waiting}{why}" if self.stalled else "writing continues")
         if self.connecting and not before.connecting:
@@ -198,7 +212,7 @@ def _place(status: Status) -> str:
     files = status.progress.files
     captures = [name for name in files if not name.endswith(RERUN_SUFFIX)] or ["no file yet"]
     listen = " and ".join(map(address_text, status.listen))
-    return f"clients at {listen}, {captures[-1]}"
+    return UserMessage("clients at {listen}, {captures}", listen=listen, captures=captures[-1])
 
 
 def _problems(status: Status) -> list[str]:
@@ -209,10 +223,20 @@ def _problems(status: Status) -> list[str]:
     if status.progress.unreached:
         problems.append(f"{_UNREACHED}: {status.progress.unreached}")
     if status.gaps:
-        problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
+        problems.append(
+            UserMessage(
+                "{size} not recorded in {gaps} gaps",
+                size=_size(status.lost_bytes),
+                gaps=status.gaps,
+            )
+        )
     if status.stalled:
         why = UserMessage(": {reason}", reason=status.stall.reason) if status.stall else ""
-        problems.append(f"writing is stalled for {status.silent_s:.0f} s{why}")
+        problems.append(
+            UserMessage(
+                "writing is stalled for {silent_s:.0f} s{why}", silent_s=status.silent_s, why=why
+            )
+        )
     return problems
 
 

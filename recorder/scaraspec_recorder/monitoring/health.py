@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.monitoring.status import STALL_S
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.locks import find_spool
@@ -23,13 +24,19 @@ def health_problems(out_dir: Path, now_s: Callable[[], float] = time.time) -> li
     spool = find_spool(out_dir)
     written_s = checkpoint_time_s(spool) if spool else None
     if spool is None or written_s is None:
-        return [f"no recorder writes into {out_dir}"]
+        return [UserMessage("no recorder writes into {out_dir}", out_dir=out_dir)]
     checkpoint = read_checkpoint(spool)
     problems = list(Progress.read(checkpoint.get("state", {})).problems)
     silent_s = now_s() - written_s
     if stall := stall_of(checkpoint):
-        problems.append(f"writing is stalled: {stall.reason}")
+        problems.append(UserMessage("writing is stalled: {reason}", reason=stall.reason))
     elif silent_s > STALL_S:
-        waiting = f"{unread_bytes(spool)} bytes wait"
-        problems.append(f"nothing was written for {silent_s:.0f} s, {waiting}")
+        waiting = UserMessage("{count} bytes wait", count=unread_bytes(spool))
+        problems.append(
+            UserMessage(
+                "nothing was written for {silent_s:.0f} s, {waiting}",
+                silent_s=silent_s,
+                waiting=waiting,
+            )
+        )
     return problems

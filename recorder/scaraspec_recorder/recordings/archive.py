@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.forecast import Forecast
 from scaraspec_recorder.recordings.marks import with_marks
 from scaraspec_recorder.recordings.recording_files import RecordingFolder, session_metadata
@@ -109,9 +110,10 @@ def archive_sink(
 
 
 def _too_little(archive: Archive) -> str:
-    return (
-        f"less than {show_size(archive.min_free_bytes)} of disk space is free, and no recording "
-        "can be removed: recording waits for free space"
+    return UserMessage(
+        "less than {size} of disk space is free, and no recording can be removed: recording waits "
+        "for free space",
+        size=show_size(archive.min_free_bytes),
     )
 
 

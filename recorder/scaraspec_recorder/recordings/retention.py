@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
@@ -102,7 +103,9 @@ class Retention:
                 break
             free_bytes += entry.size_bytes
             least = show_size(self._min_free_bytes)
-            self._remove(entry, now_ns, f"less than {least} free on the disk")
+            self._remove(
+                entry, now_ns, UserMessage("less than {least} free on the disk", least=least)
+            )
         return free_bytes >= self._min_free_bytes
 
     def _protected(self) -> set[str]:
@@ -141,7 +144,7 @@ class Retention:
 def _too_much(limits: Limits, size_bytes: int, age_ns: int) -> str:
     """Return why the oldest recording must be removed; empty if it is kept."""
     if limits.size_bytes is not None and size_bytes > limits.size_bytes:
-        return f"more than {show_size(limits.size_bytes)}"
+        return UserMessage("more than {size}", size=show_size(limits.size_bytes))
     if limits.duration_ns is not None and age_ns > limits.duration_ns:
-        return f"older than {show_duration(limits.duration_ns)}"
+        return UserMessage("older than {duration}", duration=show_duration(limits.duration_ns))
     return ""

@@ -186,7 +186,11 @@ class _Silence(Trigger):
             self._last_traffic_ns[connection] = now_ns
         elif now_ns - last_ns >= self._limit_ns and connection not in self._fired:
             self._fired.add(connection)
-            return f"no bytes on connection {connection} for {(now_ns - last_ns) / SECOND_NS:.1f} s"
+            return UserMessage(
+                "no bytes on connection {connection} for {silent_s:.1f} s",
+                connection=connection,
+                silent_s=(now_ns - last_ns) / SECOND_NS,
+            )
         return ""
 
 
@@ -219,7 +223,11 @@ class _Late(Trigger):
         elif part == "reply" and (request_times := pending.get(seen.name)):
             took_ns = seen.begun_ns - request_times.popleft()
             if took_ns > self._limit_ns:
-                return f"{seen.name} answered after {took_ns / 1e6:.0f} ms"
+                return UserMessage(
+                    "{name} answered after {took_ms:.0f} ms",
+                    name=seen.name,
+                    took_ms=took_ns / 1e6,
+                )
         return ""
 
     def on_time(self, now_ns: int) -> str:
@@ -228,7 +236,11 @@ class _Late(Trigger):
             for name, request_times in pending.items():
                 while request_times and now_ns - request_times[0] > self._limit_ns:
                     late.append(
-                        f"{name} not answered for {(now_ns - request_times.popleft()) / 1e6:.0f} ms"
+                        UserMessage(
+                            "{name} not answered for {waited_ms:.0f} ms",
+                            name=name,
+                            waited_ms=(now_ns - request_times.popleft()) / 1e6,
+                        )
                     )
         return "; ".join(late)
 
@@ -265,7 +277,11 @@ class _Disconnect(Trigger):
         if event.kind is Kind.GAP and event.length_bytes < 0:
             self._unobserved = instant
         elif event.kind in (Kind.CLOSED, Kind.RESET) and instant != self._unobserved:
-            return f"connection {event.connection} {event.kind.value}"
+            return UserMessage(
+                "connection {connection} {event}",
+                connection=event.connection,
+                event=event.kind.value,
+            )
         return ""
 
 
@@ -276,7 +292,12 @@ class _Gap(Trigger):
         if event.kind is not Kind.GAP:
             return ""
         size = f"{event.length_bytes}" if event.length_bytes >= 0 else "an unknown number of"
-        return f"connection {event.connection}: {size} bytes are not recorded: {event.note}"
+        return UserMessage(
+            "connection {connection}: {size} bytes are not recorded: {note}",
+            connection=event.connection,
+            size=size,
+            note=event.note,
+        )
 
 
 _GIVEN: Final = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.TOLERATED, Verdict.ERROR)

@@ -5,6 +5,7 @@ from typing import Final
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.sinks.mcap.mcap_sink import MASKED, PASSWORDS
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sources.mcap_reader import McapCapture
@@ -85,7 +86,11 @@ def _bytes_before(
     """Yield a gap for each direction that had bytes before the first event of an excerpt."""
     for direction in Direction:
         if length_bytes := ends.get((first.connection, direction), 0):
-            text = f"before this excerpt ({note})" if note else "before this excerpt"
+            text = (
+                UserMessage("before this excerpt ({note})", note=note)
+                if note
+                else "before this excerpt"
+            )
             place = (first.time_ns, first.connection, direction)
             yield WireEvent(*place, Kind.GAP, b"", 0, length_bytes, text)
 

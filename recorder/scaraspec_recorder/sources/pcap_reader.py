@@ -135,7 +135,7 @@ class PcapCapture:
                 undecoded[f"{encapsulation}"] += 1
                 continue
             except UnreadablePacket as reason:
-                oddities[f"not read: {reason}"] += 1
+                oddities[UserMessage("not read: {reason}", reason=reason)] += 1
                 continue
             if segment is None or not reassembler.follows(segment):
                 continue
@@ -158,7 +158,8 @@ class PcapCapture:
             for name, count in undecoded.most_common(_MAX_REASONS)
         ]
         summary.notes += [
-            f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
+            UserMessage("packets {oddity}: {count}", oddity=oddity, count=count)
+            for oddity, count in oddities.most_common(_MAX_REASONS)
         ]
         summary.notes += _reassembly_notes(reassembler, fragments)
 
@@ -185,7 +186,8 @@ def _reassembly_notes(reassembler: Reassembler, fragments: FragmentBuffer) -> It
             count=reassembler.conflicts,
         )
     if reassembler.clock_steps:
-        times = "once" if reassembler.clock_steps == 1 else f"{reassembler.clock_steps} times"
+        count = reassembler.clock_steps
+        times = UserMessage("once" if count == 1 else "{count} times", count=count)
         yield UserMessage(
             "the capture clock was set {times}: later times are shown as if it had not been, and "
             "durations across it are not judged",

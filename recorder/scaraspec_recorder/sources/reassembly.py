@@ -26,6 +26,7 @@ from typing import Final
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.wire import Kind, WireEvent, WireRange
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.sources.bytestream import (
     ITEM_BYTES,
     NO_POSITION,
@@ -430,7 +431,9 @@ class Reassembler:
         if not connection.oriented:
             addresses = self._orient(connection, self._guess_controller(connection))
             for each in connection.streams:
-                each.missing_start_note = f"the capture begins mid-stream ({addresses})"
+                each.missing_start_note = UserMessage(
+                    "the capture begins mid-stream ({addresses})", addresses=addresses
+                )
         self._enqueue(connection, stream, stream.give_up_missing(limit, hole.since))
         self._forget(stream)
         self._progress(connection, stream, hole.since)

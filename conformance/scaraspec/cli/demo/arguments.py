@@ -22,6 +22,7 @@ from scaraspec.cli.viewer import NO_VIEWER, open_viewer
 from scaraspec.client import Client, ClientError
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report import html, terminal
+from scaraspec.translation import localized
 from scaraspec.transports.url import join_host_port, split_host_port
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
@@ -94,7 +95,8 @@ async def _play(out: Path, viewer: str | None) -> None:
         record(Upstream(host, port), [("127.0.0.1", 0)], out, sinks) as recording,
     ):
         url = f"tcp://{join_host_port(*recording.address)}"
-        click.echo(f"client → recording proxy {url} → virtual controller tcp://{host}:{port}")
+        text = "client → recording proxy {url} → virtual controller {controller}"
+        click.echo(localized(text, url=url, controller=f"tcp://{host}:{port}"))
         await asyncio.to_thread(_work, url, out)
     if not recording.progress.finished or recording.progress.problems:
         problems = "; ".join(recording.progress.problems) or "the recording was not written in time"
@@ -107,7 +109,7 @@ async def _play(out: Path, viewer: str | None) -> None:
 def _work(url: str, out: Path) -> None:
     now = datetime.now(UTC).replace(tzinfo=None)
     with Client(url, password="password") as robot:  # noqa: S106 - the virtual controller's own
-        session.run(robot, out, now, lambda step: click.echo(f"  {step}"))
+        session.run(robot, out, now, lambda step: click.echo(f"  {localized(step)}"))
 
 
 @asynccontextmanager
@@ -136,9 +138,11 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
 
 def _next_steps(out: Path) -> None:
     """Print what can be done with the files."""
-    click.echo(f"\n{out / 'report.html'}  the report; open it in a browser")
+    recorded = out / "capture.mcap"
+    click.echo(localized("\n{path}  the report; open it in a browser", path=out / "report.html"))
     if (out / "capture.rrd").exists():
-        click.echo(f"scaraspec view {out / 'capture.mcap'}  shows the session in the viewer")
+        text = "scaraspec view {path}  shows the session in the viewer"
+        click.echo(localized(text, path=recorded))
     else:
-        click.echo(f"capture.rrd was not written: {NO_VIEWER}")
-    click.echo(f"scaraspec audit {out / 'capture.mcap'}  judges the recording again")
+        click.echo(localized("capture.rrd was not written: {why}", why=localized(NO_VIEWER)))
+    click.echo(localized("scaraspec audit {path}  judges the recording again", path=recorded))

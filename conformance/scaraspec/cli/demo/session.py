@@ -8,6 +8,7 @@ from typing import Final
 
 from scaraspec.cli.data import sample_program
 from scaraspec.client import Client, Interrupted, Pending, Refused, ReplyTimeout
+from scaraspec.user_message import UserMessage
 
 PROGRAM: Final = "pick-and-place.rob"
 _ENDLESS: Final = "endless.rob"  # it still runs when it is stopped, even on a slow machine
@@ -43,7 +44,7 @@ def run(robot: Client, folder: Path, now: datetime, say: Say) -> None:
     robot.get_initial_tool_position()
     robot.set_digital_output(_OUTPUT_PORT, 1)
 
-    say(f"upload {program.name}")
+    say(UserMessage("upload {name}", name=program.name))
     robot.upload(program)
     robot.list_programs()
     robot.set_default_program(program.name)
@@ -52,7 +53,7 @@ def run(robot: Client, folder: Path, now: datetime, say: Say) -> None:
     say("run it")
     _watch(robot, robot.start_run_program(program.name))
 
-    say(f"run {endless.name}, and stop it")
+    say(UserMessage("run {name}, and stop it", name=endless.name))
     robot.upload(endless)
     second = robot.start_run_program(endless.name)
     _watch(robot, second, polls=_STOP_AFTER_POLLS)

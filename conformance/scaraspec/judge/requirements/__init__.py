@@ -111,7 +111,11 @@ def _is_within(clause: str, prefix: str) -> bool:
 
 def _unknown(kind: str, name: str, known: list[str]) -> UnknownRequirementError:
     near = difflib.get_close_matches(name[:_LONGEST_NAME], dict.fromkeys(known))
-    hint = f"did you mean {' or '.join(near)}?" if near else "`scaraspec requirements` lists all."
+    hint = (
+        UserMessage("did you mean {names}?", names=", ".join(near))
+        if near
+        else UserMessage("`scaraspec requirements` lists all.")
+    )
     return UnknownRequirementError(
         UserMessage(
             "There is no {kind} {name}; {hint}", kind=kind, name=reprlib.repr(name), hint=hint

@@ -10,6 +10,7 @@ from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.redaction import mask_unframed
 from scaraspec.protocol.wrong_lengths import find_copied_length
 from scaraspec.traffic.events import InvalidBytes
+from scaraspec.user_message import UserMessage
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
@@ -48,7 +49,9 @@ def diagnose(invalid: InvalidBytes) -> Diagnosis:
     if _FOREIGN.match(data):
         return Diagnosis(Fault.NONE)
     if invalid.mixed:
-        hint = f"the bytes of {invalid.mixed} are mixed: two threads write at once"
+        hint = UserMessage(
+            "the bytes of {mixed} are mixed: two threads write at once", mixed=invalid.mixed
+        )
         return _stray(invalid)._replace(hint=hint)
     tagged = data[1:2] == bytes((TAG,)) and invalid.reason is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
@@ -123,7 +126,11 @@ def _length(invalid: InvalidBytes, head: int) -> Diagnosis:
         return Diagnosis(Fault.UNCLEAR)
     declared, true_bytes = data[head - 1], invalid.place.length_bytes - head - 1
     copied = find_copied_length(invalid.place.direction, data)
-    hint = f"copied from the document's example, L{copied.line}" if copied else ""
+    hint = (
+        UserMessage("copied from the document's example, L{line}", line=copied.line)
+        if copied
+        else ""
+    )
     if declared == invalid.place.length_bytes and data[-1] == invalid.place.direction.end:
         hint = hint or "it counts the whole frame"
     surplus = true_bytes - declared

@@ -60,7 +60,11 @@ def _numbers(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     fields = normalize(x.request.frame.data, Diagnostics()).split(b"|")
     wrong = next((f for f in fields if not _LENIENT_NUMBER.fullmatch(f.strip(b" "))), None)
-    return None if wrong is None else _refused(x, f"{show(wrong)!r} is not a number")
+    return (
+        None
+        if wrong is None
+        else _refused(x, UserMessage("{wrong!r} is not a number", wrong=show(wrong)))
+    )
 
 
 for _name, _requirement in _FIELDS.items():
@@ -92,7 +96,7 @@ def port_exists(x: Exchange, _: RobotState) -> RuleResult | None:
     """Port 0 and the ports above 40 do not exist (L655, L850; A-4.32-2)."""
     if x.request_value is None or 1 <= x.request_value.port <= _PORTS:
         return None
-    return _refused(x, f"port {x.request_value.port} does not exist")
+    return _refused(x, UserMessage("port {port} does not exist", port=x.request_value.port))
 
 
 # Chunks
@@ -105,7 +109,7 @@ def chunk_in_bounds(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.chunk is None or x.error_signal:
         return None
     if x.chunk.length > BUFFER_BYTES:
-        return _refused(x, f"its length is {x.chunk.length}")
+        return _refused(x, UserMessage("its length is {length}", length=x.chunk.length))
     if x.chunk.position + x.chunk.length > x.chunk.file_size:
         return _refused(x, "it reaches beyond the end of the file")
     return None

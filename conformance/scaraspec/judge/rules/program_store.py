@@ -252,7 +252,7 @@ def _missing_message(name: bytes, listed: Collection[bytes], robot: RobotState) 
                 " only in case",
                 program=program,
                 other=show(other),
-                what="listed" if other in listed else "deleted",
+                what=UserMessage("listed" if other in listed else "deleted"),
             )
     return UserMessage("{program} was uploaded but is not listed", program=program)
 

@@ -158,10 +158,10 @@ def _wrong_count(data: bytes, layout: Layout) -> tuple[ProgramDefect, int, str]:
         return (
             ProgramDefect.NODES,
             layout.points_offset,
-            f"room for points = {points + extra_nodes}",
+            UserMessage("room for points = {points}", points=points + extra_nodes),
         )
     extra_variables, rest = divmod(surplus, VARIABLE_BYTES)
     if not rest and variables + extra_variables >= 0:
-        room = f"room for varNub = {variables + extra_variables}"
+        room = UserMessage("room for varNub = {variables}", variables=variables + extra_variables)
         return ProgramDefect.VARIABLES, layout.points_offset + 4, room
     return ProgramDefect.SIZE, layout.points_offset, "and no other layout fits"

@@ -47,7 +47,9 @@ class LintFinding:
     variable: int | None = None
     offset_bytes: int | None = None
 
-    def __str__(self) -> str:
+    @property
+    def heading(self) -> str:
+        """Severity, code, requirement and position."""
         positions = [
             f"{name} {number}"
             for name, number in (
@@ -59,7 +61,11 @@ class LintFinding:
         ]
         position = f" {', '.join(positions)}:" if positions else ""
         requirement = f" ({self.requirements[0]})" if self.requirements else ""
-        return f"{self.severity.value} {self.code}{requirement}{position} {self.message}"
+        return f"{self.severity.value} {self.code}{requirement}{position}"
+
+    def __str__(self) -> str:
+        """The finding in one line."""
+        return f"{self.heading} {self.message}"
 
 
 def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:

@@ -13,6 +13,7 @@ from scaraspec.report.model import Role
 from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.suite.engine.plan import Options, is_selected
+from scaraspec.user_message import UserMessage
 
 
 class CaseModule(pytest.Module):
@@ -90,7 +91,11 @@ class CaseCollector:
         yield
         ids = [case.id for case in self._collected.values()]
         if twice := {i for i in ids if ids.count(i) > 1}:
-            self.suite_errors.append(f"several cases have the same id: {', '.join(sorted(twice))}")
+            self.suite_errors.append(
+                UserMessage(
+                    "several cases have the same id: {names}", names=", ".join(sorted(twice))
+                )
+            )
         kept = {item for item in items if item in self._collected and self._tries(item)}
         chosen = [item for item in self._collected if item in kept]
         chosen.sort(key=lambda item: self._turn(self._collected[item]))

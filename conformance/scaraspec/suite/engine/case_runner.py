@@ -216,7 +216,9 @@ class CaseRunner(CaseCollector):
         elif moves and self._unmoved:
             obstacle = Skip(Reason.DEPENDENCY, self._unmoved)
         elif failure and (moves or case.undefined):
-            message = f"the emergency stop does not work: {failure.message}"
+            message = UserMessage(
+                "the emergency stop does not work: {message}", message=failure.message
+            )
             obstacle = Skip(Reason.WITHHELD, message)
         if obstacle:
             return Outcome(
@@ -483,13 +485,18 @@ class CaseRunner(CaseCollector):
         )
         if outcome and outcome.requirement.startswith("4.17/"):
             return
-        when = "in" if outcome else "before"
+        when = UserMessage("in" if outcome else "before")
         own = Outcome(
             Case("run.emergency-stop", (failure.requirement,), case.hazards),
             Verdict.FAIL,
             failure.requirement,
             Cause.SUBJECT,
-            f"the emergency stop does not work: {failure.message}; found {when} case {case.id}",
+            UserMessage(
+                "the emergency stop does not work: {message}; found {when} case {id}",
+                message=failure.message,
+                when=when,
+                id=case.id,
+            ),
             failure.expected,
             failure.observed,
             frames=self.subject.observer.evidence,
@@ -530,7 +537,9 @@ class CaseRunner(CaseCollector):
             return failed_outcome(case, error, requirement, message)
         except CaseInconclusive as error:
             if isinstance(error, Unreadable):
-                self._unmoved = f"the robot cannot be moved since case {case.id}: {error}"
+                self._unmoved = UserMessage(
+                    "the robot cannot be moved since case {id}: {error}", id=case.id, error=error
+                )
             else:
                 self._revive(case)
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):

@@ -19,6 +19,7 @@ from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.collection import CASES, cases_in
 from scaraspec.suite.engine.hooks import HOOKS
 from scaraspec.suite.engine.plan import Options, is_selected
+from scaraspec.user_message import UserMessage
 
 RECORDED_RUNS: Final = Path(__file__).with_name("recorded_runs.json")
 
@@ -45,13 +46,18 @@ class Duration:
     waits_s: float
     steps: int
 
-    def __str__(self) -> str:
+    @property
+    def sentence(self) -> str:
         """The duration in words."""
-        steps = f"{self.steps} step{'s' * (self.steps != 1)}"
+        steps = UserMessage("1 step" if self.steps == 1 else "{count} steps", count=self.steps)
         if not self.waits_s:
             return steps
         hours = self.waits_s / _HOUR_S
-        return f"{f'{hours:.3g} h' if hours > 1 else f'{self.waits_s:g} s'} and {steps}"
+        return UserMessage(
+            "{waits} and {steps}",
+            waits=f"{hours:.3g} h" if hours > 1 else f"{self.waits_s:g} s",
+            steps=steps,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,14 +142,14 @@ def _preconditions(case: Case) -> Iterator[str]:
     if case.slow:
         yield "--exhaustive, or --only: it is slow, and other cases judge its requirements, too"
     for hook in case.needs:
-        yield f"the hook {hook} of the ICS: it {HOOKS[hook]}"
+        yield UserMessage("the hook {hook} of the ICS: it {effect}", hook=hook, effect=HOOKS[hook])
     if case.last:
         yield "it runs after all other cases, because the subject may be off afterwards"
     elif case.turn:
         yield "it runs after the cases of other clauses, because it may crash the subject"
     if case.attended:
         replaced = "a driver" if case.role is Role.CLIENT else "a hook, with --attended"
-        yield f"an operator can take the place of {replaced}"
+        yield UserMessage("an operator can take the place of {replaced}", replaced=replaced)
 
 
 # ---------------------------------------------------------------------- what the source contains
@@ -225,7 +231,7 @@ def _criteria(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
 def _skips(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
     for name, call in _calls(functions):
         if name == "CaseSkipped" and call.args and (message := _text(call.args[0])):
-            yield f"it is skipped if: {message}"
+            yield UserMessage("it is skipped if: {message}", message=message)
         elif name == "patient":
             yield "--patience, if it waits longer; otherwise it is skipped"
 

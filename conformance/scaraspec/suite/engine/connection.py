@@ -176,9 +176,11 @@ class Connection:
                     self.inbox.remove(seen)
                     return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
-                timeout = "" if self.ending else f" in {within_s:g} s"
-                unfinished = " completely" if self.unfinished else ""
-                raise self.no_reply_error(f"{message}{unfinished}{timeout}")
+                if self.unfinished:
+                    message = UserMessage.joined(message, " completely")
+                if not self.ending:
+                    message = UserMessage.joined(message, " in {within_s:g} s", within_s=within_s)
+                raise self.no_reply_error(message)
 
     def await_late(self, is_due: Callable[[FrameSeen], bool]) -> None:
         """Wait longer for a frame that was due, if the attempt is not repeated; see `attempts`.
@@ -210,7 +212,7 @@ class Connection:
         if self.unfinished:
             came.append("a part of a frame")
         if self.ending:
-            came.append(f"the connection was {self.ending.value}")
+            came.append(UserMessage("the connection was {value}", value=self.ending.value))
         return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")
 
     # ------------------------------------------------------------------ listening

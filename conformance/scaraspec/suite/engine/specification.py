@@ -56,7 +56,7 @@ def rows(sheet: CaseSheet) -> Iterator[tuple[str, Sequence[str]]]:
     if sheet.examples:
         yield "values tried", [f"{sheet.examples}"]
     yield "steps", [sheet.steps or "none"]
-    yield "typical duration", [f"{sheet.duration}"]
+    yield "typical duration", [sheet.duration.sentence]
     yield "source", [sheet.location]
 
 

@@ -18,6 +18,7 @@ from scaraspec.suite.engine.operator_terminal import OperatorTerminal
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
 from scaraspec.transports.tcp import wait_readable
+from scaraspec.user_message import UserMessage
 
 _ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
 HELP: Final = (
@@ -115,7 +116,9 @@ class Attended:
     def ask_operator(self, sentence: str) -> Call | None:
         """Ask the operator whether the client shows that the sentence is true."""
         self._open_question = question = Call(0, "", {})
-        self._terminal.show(f"does the client show that {sentence}? [y/n]")
+        self._terminal.show(
+            UserMessage("does the client show that {sentence}? [y/n]", sentence=sentence)
+        )
         return question
 
     def restart(self) -> None:

@@ -408,7 +408,11 @@ class ClientUnderTest:
         unserved = (seen for line in self._lines for seen in line.inbox)
         sent = dict.fromkeys(seen.name or f"{seen.frame}" for seen in unserved)
         return (
-            f"silence; unanswered requests of the client: {', '.join(sent)}" if sent else "silence"
+            UserMessage(
+                "silence; unanswered requests of the client: {names}", names=", ".join(sent)
+            )
+            if sent
+            else "silence"
         )
 
     def answers_within(self, call: Call, within_s: float) -> bool:

@@ -243,5 +243,10 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     for wrong in examples(malformed("delete_program", name)):
         if b".." in wrong.data or wrong.data == b".":
             continue  # it may not belong to the suite
-        line = _expect_refused(subject, line, wrong._replace(kind=f"a name with {wrong}"), "4.11/4")
+        line = _expect_refused(
+            subject,
+            line,
+            wrong._replace(kind=UserMessage("a name with {wrong}", wrong=wrong)),
+            "4.11/4",
+        )
     expect_stored(line, name, content, "4.11/4")

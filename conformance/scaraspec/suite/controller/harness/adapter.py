@@ -27,7 +27,7 @@ from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.operator import Operator
 from scaraspec.suite.engine.plan import Options
-from scaraspec.user_message import UserMessage
+from scaraspec.user_message import UserMessage, sentence_of
 
 _NS: Final = 1e9
 
@@ -176,5 +176,5 @@ class ControllerAdapter:
         try:
             self.journal.finish()
         except JournalError as error:
-            problems.append(f"{error}")
+            problems.append(sentence_of(error))
         return problems

@@ -106,7 +106,9 @@ class StopMonitor:
         """
         if self.withholds(frame.opcode):
             assert self.failure is not None, "no request is withheld while the stop works"
-            self.withheld = f"the emergency stop does not work: {self.failure.message}"
+            self.withheld = UserMessage(
+                "the emergency stop does not work: {message}", message=self.failure.message
+            )
             raise StopFailed(self.withheld)
 
     def withholds(self, opcode: int) -> bool:
@@ -174,7 +176,12 @@ class StopMonitor:
                 late_s=late_s,
                 names=stop.names,
             )
-            self.fail("4.17/6", message, f"within {LATE_S:g} s", f"{late_s:.1f} s")
+            self.fail(
+                "4.17/6",
+                message,
+                f"within {LATE_S:g} s",
+                f"{late_s:.1f} s",
+            )
         if not isinstance(seen.value, Acceptance):
             return
         if not seen.value.accepted:
@@ -202,7 +209,10 @@ class StopMonitor:
             return
         if opcode in self._refused.during and self._refused.is_old(now_ns):
             self._fail_refused(
-                f"0; the final result of the command came {self._refused.age_s(now_ns):.1f} s later"
+                UserMessage(
+                    "0; the final result of the command came {age_s:.1f} s later",
+                    age_s=self._refused.age_s(now_ns),
+                )
             )
 
     def _status_came(self, status: str, requested_ns: int) -> None:
@@ -215,7 +225,7 @@ class StopMonitor:
             return
         elif self._refused is not None:
             if self._refused.is_old(requested_ns):
-                self._fail_refused(f"0; the status is still {status}")
+                self._fail_refused(UserMessage("0; the status is still {status}", status=status))
         elif self._rests_from_ns and requested_ns > self._rests_from_ns:
             self.fail(
                 "4.17/4", "the robot continues to execute after it was accepted", _IDLE, status
@@ -231,7 +241,9 @@ class StopMonitor:
         assert self._refused is not None, "a stop was refused"
         self.fail(
             "4.17/6",
-            f"the controller refused it while {self._refused.names} executed",
+            UserMessage(
+                "the controller refused it while {names} executed", names=self._refused.names
+            ),
             "1",
             observed,
         )

@@ -167,13 +167,21 @@ class OtherClients(Interference):
     def prove(self, name: str, was: Any, now: Any) -> None:
         """Record that a setting has changed while the suite sent only queries."""
         change = f"from {shown(was)} to {shown(now)}"
-        self._proofs[name] = f"the {name} changed {change} while the suite sent only queries"
+        self._proofs[name] = UserMessage(
+            "the {name} changed {change} while the suite sent only queries",
+            name=name,
+            change=change,
+        )
         self._notify(self._proofs[name])
 
     def passed_again(self) -> None:
         """Record that the case failed after a change by another client and passed again."""
         sentence = "; ".join(self._case.deviations.values())
-        self._case.reason = f"{REASON}, it seems: {sentence}; the case passed when it was repeated"
+        self._case.reason = UserMessage(
+            "{reason}, it seems: {sentence}; the case passed when it was repeated",
+            reason=REASON,
+            sentence=sentence,
+        )
         self._notify(sentence)
 
     def _notify(self, sentence: str) -> None:

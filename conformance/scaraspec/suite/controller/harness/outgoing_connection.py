@@ -264,7 +264,7 @@ class OutgoingConnection(Connection):
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
             within_s,
             self._subject.reply_s,
-            f"{name} was not answered",
+            UserMessage("{name} was not answered", name=name),
         )
         if name == "emergency_stop" and answer.accepted:
             self._subject.note_accepted_stop()
@@ -306,7 +306,7 @@ class OutgoingConnection(Connection):
         short_s = timeout_policy.timeout_s(due, full_s if within_s is None else within_s)
         if given_up and short_s > _BRIEF_S and self._becomes_idle(is_expected, short_s):
             within_s = _LATE_S
-        message = f"no final result of {name} came"
+        message = UserMessage("no final result of {name} came", name=name)
         answer = self._wait_for_reply(due, is_expected, within_s, full_s, message)
         self._subject.settling.measure(self, name)
         return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))

@@ -122,8 +122,8 @@ class FileSteps(ConnectionSteps):
             UserMessage(
                 "the upload of {name} was {action} although the file {state}",
                 name=show(name),
-                action="accepted" if exists else "refused",
-                state="exists" if exists else "does not exist",
+                action=UserMessage("accepted" if exists else "refused"),
+                state=UserMessage("exists" if exists else "does not exist"),
             ),
             expected="0" if exists else "1",
             observed=f"{answer}",
@@ -227,8 +227,8 @@ class FileSteps(ConnectionSteps):
             UserMessage(
                 "the deletion of {name} was {action} although the file {state}",
                 name=show(name),
-                action="refused" if exists else "accepted",
-                state="exists" if exists else "does not exist",
+                action=UserMessage("refused" if exists else "accepted"),
+                state=UserMessage("exists" if exists else "does not exist"),
             ),
             expected="1" if exists else "0",
             observed=f"{answer}",
@@ -267,7 +267,7 @@ class FileSteps(ConnectionSteps):
                     UserMessage(
                         "{name} is {state}",
                         name=show(name),
-                        state="listed" if name in listed else "not listed",
+                        state=UserMessage("listed" if name in listed else "not listed"),
                     ),
                     expected=" ".join(map(show, sorted(self._files))) or "none",
                     observed=" ".join(map(show, listed)) or "none",

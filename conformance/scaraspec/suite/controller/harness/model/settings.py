@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.requests.clock import (
     set_clock,
 )
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.user_message import UserMessage
 
 _HIGHEST_TENTHS: Final = (0, 0, 9, 99, 999)
 """The largest absolute values of a coordinate of a gripper center, in tenths of a millimeter."""
@@ -81,7 +82,7 @@ class SettingSteps(ModelState):
             self._get_clock(step, line)
         elif "get_poses" in self._acts:
             self._get_poses(step, line)
-        return f"{name} with {wrong}"
+        return UserMessage("{name} with {wrong}", name=name, wrong=wrong)
 
     def _get_poses(self, _: Step, line: OutgoingConnection) -> str | None:
         message = "0x34 does not return the gripper center that was set"

@@ -78,7 +78,7 @@ def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
         try:
             set_back(subject, working)
         except CaseFailed as error:
-            raise _failed(subject, f"the password: {error}") from None
+            raise _failed(subject, UserMessage("the password: {error}", error=error)) from None
     subject.moved = earlier.motion
     differences = restore(subject)
     if differences.ours:
@@ -114,22 +114,26 @@ def _stopped(subject: ControllerUnderTest) -> str:
 
 def _left(subject: ControllerUnderTest, earlier: Changes, users: bytes) -> dict[str, Hazard]:
     """Return descriptions of what must be restored, each with the hazard that it needs."""
-    left = {}
+    left: dict[str, Hazard] = {}
     if subject.password != users:
         ours = subject.password.decode("latin-1") in earlier.passwords
-        named = (
-            show(subject.password) if ours else "an altered one"
-        )  # it may contain the user's password
-        left[f"the password was {named}"] = Hazard.DESTRUCTIVE
+        # An altered one may contain the user's password.
+        named = show(subject.password) if ours else UserMessage("an altered one")
+        left[UserMessage("the password was {named}", named=named)] = Hazard.DESTRUCTIVE
     if earlier.files:
-        left[f"{', '.join(earlier.files)} was still stored"] = Hazard.STATE
+        left[UserMessage("{names} was still stored", names=", ".join(earlier.files))] = Hazard.STATE
     now = snapshot(subject, subject.open())
     for item in ITEMS:
         before = earlier.settings.get(item.name)
         changed = item.name in earlier.changed or EVERYTHING in earlier.changed
         if changed and before is not None and item.differs(subject, now.get(item.name), before):
-            values = shown(item, now.get(item.name)), shown(item, before)
-            left["the {} was {} instead of {}".format(item.name, *values)] = item.hazard
+            difference = UserMessage(
+                "the {name} was {now} instead of {before}",
+                name=UserMessage(item.name),
+                now=shown(item, now.get(item.name)),
+                before=shown(item, before),
+            )
+            left[difference] = item.hazard
     return left
 
 
@@ -167,4 +171,4 @@ def _failed(subject: ControllerUnderTest, why: str) -> RecoveryError:
 def _interrupted(subject: ControllerUnderTest) -> str:
     earlier = subject.journal.earlier
     assert earlier is not None, "a recovery needs an interrupted run"
-    return f"the run of {earlier.started} was interrupted"
+    return UserMessage("the run of {started} was interrupted", started=earlier.started)

@@ -192,9 +192,11 @@ def _program_differences(
     if added:
         default = _read_default(subject, line)
         listed = [f"{n} (the default program)" if n == default else n for n in added]
-        differences.append(f"{', '.join(listed)} was not listed at the start")
+        differences.append(
+            UserMessage("{names} was not listed at the start", names=", ".join(listed))
+        )
     if missing:
-        differences.append(f"{', '.join(missing)} is not listed any more")
+        differences.append(UserMessage("{names} is not listed any more", names=", ".join(missing)))
     return UserMessage(
         "the program list differs: {differences}", differences="; ".join(differences)
     )
@@ -206,7 +208,7 @@ def shown(item: Item, value: Any) -> str:
         case None:
             return "unknown"
         case [ahead_s, _] if item.name == _CLOCK:
-            return f"{ahead_s:+.0f} s from the clock of this computer"
+            return UserMessage("{ahead_s:+.0f} s from the clock of this computer", ahead_s=ahead_s)
         case list():
             return "|".join(map(str, value))
     return f"{value}"

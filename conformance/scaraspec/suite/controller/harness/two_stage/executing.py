@@ -197,4 +197,8 @@ def wait_until_idle(
     """
     within_s = subject.longest_s + lasts_s / subject.ics.time_scale
     line.result(command, within_s=within_s)
-    expect_idle(subject, line, f"the robot is not idle after the end of {command}")
+    expect_idle(
+        subject,
+        line,
+        UserMessage("the robot is not idle after the end of {command}", command=command),
+    )

@@ -38,6 +38,7 @@ from scaraspec.suite.controller.harness.two_stage.commands import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import jog_somewhere
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
+from scaraspec.user_message import UserMessage
 
 _UNDER_WAY_S: Final = 0.1
 _LOOKS: Final = 3
@@ -90,13 +91,19 @@ def _is_stopped(subject: ControllerUnderTest, line: OutgoingConnection, started:
         answer = line.ask(STOP, within_s=max(LATE_S, subject.reply_s))
     except NoReply as error:
         stop.fail(
-            "4.17/6", f"the controller did not answer it while {name} executed", "1", error.observed
+            "4.17/6",
+            UserMessage("the controller did not answer it while {name} executed", name=name),
+            "1",
+            error.observed,
         )
         return False
     if not answer.accepted:
         if line.ask("get_status").value in BUSY and line.ask("get_status").value in BUSY:
             stop.fail(
-                "4.17/6", f"the controller refused it while {name} executed", "1", f"{answer}"
+                "4.17/6",
+                UserMessage("the controller refused it while {name} executed", name=name),
+                "1",
+                f"{answer}",
             )
         return False
     with suppress(NoReply):
