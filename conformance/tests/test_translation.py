@@ -19,7 +19,8 @@ from scaraspec.translation import Language, preferred_language, translate
 from scaraspec.user_message import UserMessage
 
 COMPLETE = (
-    *("cases", "cli", "click", "judge", "peers", "protocol", "recorder", "report", "suite"),
+    *("cases", "cli", "click", "judge", "peers", "protocol", "readings", "recorder", "report"),
+    *("requirements", "suite"),
 )
 """The catalogues in which no translation is missing."""
 
