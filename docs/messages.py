@@ -10,6 +10,7 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -84,6 +85,7 @@ _NO_PHRASE: Final = re.compile(
 )
 
 
+@cache
 def messages() -> dict[str, list[str]]:
     """Return the messages of each catalogue in the order of the code, each message once."""
     found = {

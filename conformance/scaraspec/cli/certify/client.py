@@ -18,7 +18,7 @@ from scaraspec.cli.certify.options import (
     suite_options,
     user_errors,
 )
-from scaraspec.cli.certify.running import Display, end_on_signals, estimate_of
+from scaraspec.cli.certify.running import Display, end_on_signals, estimate_of, say
 from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
@@ -154,7 +154,7 @@ def _attended(listen: str, answer_timeout_s: float) -> Attended:
     """
     host, port = split_host_port(listen, lowest_port=0)
     try:
-        access = Attended(host, port, click.echo, answer_timeout_s=answer_timeout_s)
+        access = Attended(host, port, say, answer_timeout_s=answer_timeout_s)
     except OSError as error:
         raise Problem(
             UserMessage(

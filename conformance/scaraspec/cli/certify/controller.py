@@ -27,6 +27,7 @@ from scaraspec.cli.certify.running import (
     end_on_signals,
     estimate_of,
     require_terminal,
+    say,
     show_plan,
 )
 from scaraspec.cli.help import GroupedCommand
@@ -213,7 +214,7 @@ def command(**given: Any) -> None:
                     reproduction=reproduction(click.get_current_context(), where),
                     progress=display.progress,
                     interruption=interruption,
-                    operator=TerminalOperator(click.echo) if settings.attended else None,
+                    operator=TerminalOperator(say) if settings.attended else None,
                 )
 
         run_and_exit(run, settings.out, certification)

@@ -115,6 +115,11 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
         raise Problem("nothing was sent: the run was not confirmed")
 
 
+def say(sentence: str) -> None:
+    """Show a sentence to an operator."""
+    click.echo(localized(sentence))
+
+
 def require_terminal() -> None:
     """Require that an operator can answer.
 

@@ -15,7 +15,7 @@ from scaraspec.suite.engine.hooks import REQUESTS, HookError
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.operator_terminal import OperatorTerminal
-from scaraspec.user_message import sentence_of
+from scaraspec.user_message import UserMessage, sentence_of
 
 GUIDANCE: Final = (
     "Leave the reach of the robot, then press Enter. s = skip this case, q = end the run, "
@@ -58,7 +58,9 @@ class TerminalOperator:
         with suppress(CaseSkipped):
             for _ in self._terminal.lines():
                 pass
-        self._terminal.show(f"now: {request}. {GUIDANCE}")
+        template = "now: {request}. {guidance}"
+        guidance = UserMessage(GUIDANCE)
+        self._terminal.show(UserMessage(template, request=request, guidance=guidance))
 
     def poll(self, note: Callable[[str], None]) -> OperatorAnswer | None:
         """Process the lines that the operator has typed; see `Operator.poll`."""

@@ -36,7 +36,8 @@ class OperatorTerminal:
 
     def explain(self) -> None:
         """Show the instructions, and the last sentence again."""
-        self._say(f"{self._guidance}\n{self._last_line}")
+        self._say(self._guidance)
+        self._say(self._last_line)
 
     def lines(self) -> Iterator[str]:
         """Yield the lines that the operator has typed so far.

@@ -38,7 +38,7 @@ def test_a_long_case() -> None:
     """It has a long duration, which is in hours."""
     sheet = _sheet("4.6/4.days")
     assert "--patience, if it waits longer; otherwise it is skipped" in sheet.preconditions
-    assert f"{sheet.duration}".startswith("72 h and ")
+    assert sheet.duration.sentence.startswith("72 h and ")
 
 
 def test_criteria_of_helpers() -> None:

@@ -84,7 +84,8 @@ class Attended:
             call.answer = {"ok": True}
         else:
             parameters = ", ".join(f"{key} = {value}" for key, value in values.items())
-            self._terminal.show(f"now: {name}" + (f" with {parameters}" if parameters else ""))
+            template = "now: {name} with {parameters}" if parameters else "now: {name}"
+            self._terminal.show(UserMessage(template, name=name, parameters=parameters))
             self._open_question = call
         return call
 
