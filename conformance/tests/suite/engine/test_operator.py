@@ -70,7 +70,7 @@ def test_a_request_in_plain_words(terminal: Terminal) -> None:
     assert operator.poll(notes.append) is OperatorAnswer.DONE
     assert notes == ["The lamp is red"]
     assert shown[0] == f"now: set digital input 3 to 1. {GUIDANCE}"
-    assert shown[1:] == [f"{GUIDANCE}\n{shown[0]}"] * 2
+    assert shown[1:] == [GUIDANCE, shown[0]] * 2
 
 
 def test_keys_typed_before_a_request(terminal: Terminal) -> None:
