@@ -138,7 +138,7 @@ class ChildProcess:
         delay_s = MIN_RESTART_DELAY_S
         while True:
             started_s = loop.time()
-            status = await _end_of(process)
+            status = await end_of(process)
             if status == 0:
                 return
             self.failures += 1
@@ -212,7 +212,7 @@ def _watch(process: "BaseProcess") -> asyncio.Future[Any]:
     return ended
 
 
-async def _end_of(process: "BaseProcess") -> int | None:
+async def end_of(process: "BaseProcess") -> int | None:
     """Wait for the end of a process; kill it if the wait is cancelled."""
     ended = _watch(process)
     try:

@@ -27,6 +27,8 @@ from scaraspec_recorder.recordings.recovery import sink_after_repair
 from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
 from scaraspec_recorder.recordings.trigger_command import parse_command
 from scaraspec_recorder.recordings.triggers import parse_trigger
+from scaraspec_recorder.recordings.upload_store import parse_store_url
+from scaraspec_recorder.recordings.uploader import RATE_BYTES, Upload
 from scaraspec_recorder.sinks.file_names import safe_name
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory
@@ -84,6 +86,9 @@ class RobotConfig:
         file_mode: Access rights of the files.
         no_rrd: Whether to write no .rrd files.
         durable: Whether a power failure costs a second at most.
+        archive: Path or URL of the store that finished files are uploaded to; empty for none.
+        archive_rate_bytes: Maximum rate of uploads, in bytes a second.
+        keep_until_archived: Whether `keep` removes only files that are uploaded.
     """
 
     name: str
@@ -104,12 +109,22 @@ class RobotConfig:
     file_mode: int = PRIVATE_MODE
     no_rrd: bool = False
     durable: bool = False
+    archive: str = ""
+    archive_rate_bytes: int = RATE_BYTES
+    keep_until_archived: bool = False
+
+    @property
+    def upload(self) -> Upload | None:
+        """Where finished files are uploaded to; None for nowhere."""
+        if not self.archive:
+            return None
+        return Upload(self.archive, self.name, self.archive_rate_bytes, self.file_mode)
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return the factory of the sink that writes the files.
 
-        It writes one file, capture.mcap, unless `rotate`, `keep` or `min_free_bytes` is set. Then
-        it writes several files, named by time and robot, and the index contents.jsonl.
+        It writes one file, capture.mcap, unless `rotate`, `keep`, `min_free_bytes` or `archive` is
+        set. Then it writes several files, named by time and robot, and the index contents.jsonl.
 
         Args:
             session: Metadata of the session, such as the addresses.
@@ -117,7 +132,7 @@ class RobotConfig:
             needs_login: False for a serial link (L83).
         """
         draw = draw and not self.no_rrd
-        if not (self.rotate or self.keep or self.min_free_bytes):
+        if not (self.rotate or self.keep or self.min_free_bytes or self.archive):
             make = partial(
                 capture_sink,
                 session=session,
@@ -141,6 +156,7 @@ class RobotConfig:
             triggers=self.triggers,
             on_trigger=self.on_trigger,
             protect_ns=self.protect_ns,
+            keep_until_in=self.archive if self.keep_until_archived else "",
         )
         return partial(archive_sink, archive=archive)
 
@@ -236,10 +252,24 @@ def _check_effects(robot: RobotConfig, prefix: str) -> None:
             raise ConfigError(
                 UserMessage("{prefix}{key} has no effect without trigger", prefix=prefix, key=key)
             )
-    if robot.protect_ns and not (robot.keep or robot.min_free_bytes):
-        raise ConfigError(
-            UserMessage("{prefix}protect has no effect without keep or min-free", prefix=prefix)
-        )
+    for key, used in (
+        ("archive-rate", robot.archive_rate_bytes != RATE_BYTES),
+        ("keep-until-archived", robot.keep_until_archived),
+    ):
+        if used and not robot.archive:
+            raise ConfigError(
+                UserMessage("{prefix}{key} has no effect without archive", prefix=prefix, key=key)
+            )
+    for key, used in (
+        ("protect", robot.protect_ns),
+        ("keep-until-archived", robot.keep_until_archived),
+    ):
+        if used and not (robot.keep or robot.min_free_bytes):
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}{key} has no effect without keep or min-free", prefix=prefix, key=key
+                )
+            )
 
 
 def read_config(path: Path) -> tuple[RobotConfig, ...]:
@@ -389,6 +419,9 @@ _KEYS: Final[dict[str, tuple[type | UnionType, str, _Read]]] = {
     "file-mode": (str, "file_mode", _file_mode),
     "no-rrd": (bool, "no_rrd", bool),
     "durable": (bool, "durable", bool),
+    "archive": (str, "archive", parse_store_url),
+    "archive-rate": (str, "archive_rate_bytes", parse_size),
+    "keep-until-archived": (bool, "keep_until_archived", bool),
 }
 """For each option: its type in the file, the attribute of `RobotConfig` and its parser."""
 

@@ -18,6 +18,8 @@ from typing import Final
 from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.fault_injection.connection import InjectedConnection
 from scaraspec_recorder.fault_injection.rules import Injection
+from scaraspec_recorder.recordings.upload_log import UploadState
+from scaraspec_recorder.recordings.uploader import Upload, Uploader
 from scaraspec_recorder.sinks import sink_runner
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, prepare_folder
 from scaraspec_recorder.sinks.sink import SinkFactory
@@ -31,6 +33,9 @@ from scaraspec_recorder.tap.routes import Route
 
 DRAIN_S: Final = 60.0
 """Time limit for the writer process to write the rest when a recording ends."""
+
+UPLOAD_S: Final = 60.0
+"""Time limit for uploading finished files when a recording ends."""
 
 _END_FAILURES: Final = 2
 """Failures of the writer process after which a recording that ends leaves the rest in the spool."""
@@ -49,6 +54,7 @@ class Recording:
         tap: The process that forwards.
         writer: The process that writes.
         drain_s: Time limit for writing the rest of the spool when the recording ends.
+        uploader: Uploads finished files; None if they are not uploaded.
     """
 
     def __init__(
@@ -57,12 +63,14 @@ class Recording:
         spool: Path,
         tap: ChildProcess,
         writer: ChildProcess,
+        uploader: Uploader | None = None,
     ) -> None:
         self.addresses = tuple(addresses)
         self.spool = spool
         self.tap = tap
         self.writer = writer
         self.drain_s = DRAIN_S
+        self.uploader = uploader
         self._progress = Progress()
         self._ended = False
         self._spool_removed = False
@@ -83,6 +91,11 @@ class Recording:
                 self._progress = progress
             self._note_removal()
         return self._progress
+
+    @property
+    def upload_state(self) -> UploadState | None:
+        """State of the uploads; None if files are not uploaded."""
+        return self.uploader.state if self.uploader else None
 
     async def stop_writer(self) -> None:
         """Let the writer process write the rest, for `drain_s`, or until it fails repeatedly."""
@@ -187,12 +200,14 @@ async def record(  # noqa: PLR0913 - independent options
     kernel_time: bool = False,
     file_mode: int = PRIVATE_MODE,
     durable: bool = False,
+    upload: Upload | None = None,
 ) -> AsyncIterator[Recording]:
     """Relay and record connections while the context is active.
 
     If an earlier recorder of the same folder was killed, the rest of its spool is written first. At
     the end, open connections are closed and the writer process writes the rest. If this takes too
-    long, `Recording.progress` is not finished and the spool remains for the next recorder.
+    long, `Recording.progress` is not finished and the spool remains for the next recorder. Then
+    finished files are uploaded, for `UPLOAD_S` at most.
 
     Args:
         route: Target of the connections; `routes.Upstream` for one controller.
@@ -204,6 +219,7 @@ async def record(  # noqa: PLR0913 - independent options
         kernel_time: Whether to use kernel timestamps; otherwise the time of the read call.
         file_mode: Access rights of the files; the folder can be searched by all who can read them.
         durable: Whether a power failure costs a second at most. The spool is then on the disk.
+        upload: Where finished files are uploaded to; None for nowhere.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
@@ -219,7 +235,8 @@ async def record(  # noqa: PLR0913 - independent options
         tap_arguments = (listeners, route, spool, limit_bytes, connect, kernel_time)
         tap_child = ChildProcess("tap", tap.run, *tap_arguments, writer.control_socket)
         addresses = [listener.getsockname()[:2] for listener in listeners]
-        recording = Recording(addresses, spool, tap_child, writer)
+        uploader = Uploader(upload, out_dir, spool) if upload else None
+        recording = Recording(addresses, spool, tap_child, writer, uploader)
         syncing = asyncio.create_task(_sync(spool)) if durable else None
         try:
             writer.start()
@@ -234,7 +251,14 @@ async def record(  # noqa: PLR0913 - independent options
             finally:  # always stop the writer process
                 for listener in listeners:
                     listener.close()
-                await recording.stop_writer()
+                try:
+                    await recording.stop_writer()
+                except asyncio.CancelledError:
+                    recording.drain_s = 0.0
+                    raise
+                finally:
+                    if uploader:
+                        await uploader.finish(min(recording.drain_s, UPLOAD_S))
                 if syncing:
                     syncing.cancel()
             if recording.progress.finished:

@@ -42,7 +42,9 @@ def test_only_a_url_is_required() -> None:
     assert make.func is sink_after_repair
 
 
-@pytest.mark.parametrize("table", [{"rotate": "1h"}, {"keep": "30d"}, {"min-free": "2GB"}])
+@pytest.mark.parametrize(
+    "table", [{"rotate": "1h"}, {"keep": "30d"}, {"min-free": "2GB"}, {"archive": "file:///store"}]
+)
 def test_limits_need_an_archive(table: dict[str, Any]) -> None:
     """Without `rotate` a file ends every hour: a file that never ends could not be removed."""
     given = {"url": URL, "trigger": ["refusal"], **table}
@@ -81,6 +83,16 @@ def test_a_trigger_needs_no_archive() -> None:
         ({"url": URL, "redact": "yes"}, "--redact: 'yes' is not true or false"),
         ({"url": URL, "inject": "/nowhere.toml"}, "--inject: /nowhere.toml"),
         ({"url": URL, "i-mean-it": True}, "--i-mean-it has no effect without inject"),
+        ({"url": URL, "archive": "nil://x"}, "--archive: nil://x cannot be used: Protocol not"),
+        ({"url": URL, "archive-rate": "1MB"}, "--archive-rate has no effect without archive"),
+        (
+            {"url": URL, "keep-until-archived": True, "keep": "1h"},
+            "--keep-until-archived has no effect without archive",
+        ),
+        (
+            {"url": URL, "keep-until-archived": True, "archive": "/store"},
+            "--keep-until-archived has no effect without keep or min-free",
+        ),
     ],
 )
 def test_an_invalid_setting(table: dict[str, Any], message: str) -> None:

@@ -34,12 +34,16 @@ from scaraspec.translation import Language
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.child_process import ignore_signals
 from scaraspec_recorder.errors import CaptureError
+from scaraspec_recorder.recordings.upload_store import SHA256
 from scaraspec_recorder.sinks.file_names import is_recording_name
 
 UNREADABLE: Final = "unreadable"
 """The verdict about a capture that could not be judged; `notes` has the reason."""
 
 _ROBOT_OF: Final = re.compile(r"[^_]+_(.*)\.mcap")
+_UPLOADED: Final = re.compile(
+    rf"(?P<robot>[^/]+)/(?P<day>[\d-]{{10}})/({SHA256}/)?(?P=day)T[^/_]+_(?P=robot)(-\d+)?\.mcap$"
+)
 _KILLED: Final = "the process that judged it was killed, perhaps because it needed too much memory"
 _PAUSED_CHECKS: Final = 3
 _CHECK_S: Final = 10.0
@@ -133,6 +137,8 @@ def build_archive(  # noqa: PLR0913 - independent options
 
 def _robot_of(url: str) -> str:
     path = PurePosixPath(url)
+    if uploaded := _UPLOADED.search(url):
+        return uploaded["robot"]
     named = _ROBOT_OF.fullmatch(path.name) if is_recording_name(path.name) else None
     return named[1] if named else unquote(path.parent.name) or "robot"
 

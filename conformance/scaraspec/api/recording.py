@@ -169,6 +169,7 @@ async def record(
             kernel_time=robot.timestamps is TimestampSource.KERNEL,
             file_mode=robot.file_mode,
             durable=robot.durable,
+            upload=robot.upload,
         ) as recording,
         plan.client_relay(recording.address),
     ):

@@ -67,6 +67,9 @@ _GROUPS: Final = {
         "rotate",
         "keep",
         "min_free",
+        "archive",
+        "archive_rate",
+        "keep_until_archived",
         "file_mode",
         "durable",
         "no_rrd",
@@ -99,7 +102,7 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
 @click.option(
     "--rotate",
     metavar="LIMITS",
-    help="New file after 1h, 512MB, 1h,512MB or connection.",
+    help="New file after 1h, 512MB or connection.",
 )
 @click.option(
     "--keep",
@@ -107,6 +110,11 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
     help="Remove files beyond 30d, 20GB or 30d,20GB.",
 )
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
+@click.option("--archive", metavar="URL", help="Upload finished files to a folder or s3://….")
+@click.option("--archive-rate", metavar="SIZE", help="Upload at most this in a second [10MB].")
+@click.option(
+    "--keep-until-archived", is_flag=True, help="Let --keep remove only files that are uploaded."
+)
 @click.option("--file-mode", metavar="MODE", help="Access rights of the files, as 640 [600].")
 @click.option("--durable", is_flag=True, help="Lose 1 s at most if the power fails.")
 @click.option("--no-rrd", is_flag=True, help="Write no .rrd files; they can be made later.")
@@ -120,8 +128,7 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Mark the time at a condition, such as refusal, late:500ms or gap, see docs/record.md;"
-    " repeatable.",
+    help="Mark the time at refusal, late:500ms or gap …, see docs/record.md; repeatable.",
 )
 @click.option("--on-trigger", metavar="CMD", help="Run a command, too; see docs/record.md.")
 @click.option("--protect", metavar="TIME", help="Keep files within 5m of a mark.")
@@ -139,9 +146,9 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
 def command(url: str | None, **options: Any) -> None:
     """Relay clients to the controller at URL and record the traffic, until Ctrl-C.
 
-    The link never waits for the recording. The command writes capture.mcap. With --rotate, --keep
-    or --min-free it writes several files, named by time and robot; the default is then one file an
-    hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
+    The link never waits for the recording. The command writes capture.mcap. With --rotate, --keep,
+    --min-free or --archive it writes several files, named by time and robot; the default is then
+    one file an hour. With the extra view it also writes .rrd files. Exit status 3: not all is kept.
     """
     if options["check"]:
         if url or [key for key, value in options.items() if value] != ["check"]:
@@ -375,7 +382,8 @@ def _print_summary(statuses: Sequence[Status]) -> None:
                 folder=status.out_dir,
             )
             click.echo(f"scaraspec: {text}", err=True)
-        lost = lost or bool(progress.problems or status.gaps or not progress.finished)
+        waiting = _print_uploads(status)
+        lost = lost or bool(progress.problems or status.gaps or not progress.finished or waiting)
     if lost:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
@@ -405,3 +413,20 @@ def _counts(count: ByteCounts) -> Iterator[str]:
             count=dropped_bytes,
             reason=localized(reason),
         )
+
+
+def _print_uploads(status: Status) -> int:
+    """Print what was uploaded. Return the number of finished files that were not."""
+    if not (uploads := status.uploads):
+        return 0
+    click.echo(localized("files in {url}: {count}", url=uploads.url, count=uploads.archived))
+    if uploads.waiting:
+        why = f": {uploads.failure}" if uploads.failure else ""
+        text = localized(
+            "{files} not archived{why}; start the recorder again with this folder to archive the "
+            "rest",
+            files=uploads.waiting_text,
+            why=why,
+        )
+        click.echo(f"scaraspec: {text}", err=True)
+    return uploads.waiting

@@ -20,10 +20,14 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+import fsspec  # type: ignore[import-untyped]  # it ships no types
 import pytest
+from botocore.exceptions import EndpointConnectionError  # type: ignore[import-untyped]  # it ships no types
 
 from scaraspec.api.auditing import audit
+from scaraspec.client import Client
 from scaraspec.judge.verdicts import Verdict
+from scaraspec_recorder.recordings.upload_store import Pace, UploadStore
 
 pytestmark = pytest.mark.archive
 
@@ -260,6 +264,77 @@ def test_the_report(tmp_path: Path) -> None:
     page = tmp_path / "archive.html"
     run("report", "s3://robots/archive", "--out", str(page))
     assert "s3://robots/captures/line-0/corrupt.pcap" in page.read_text("utf-8")
+
+
+@pytest.mark.usefixtures("cloud")
+def test_a_recording_is_uploaded(processes: Any, tmp_path: Path) -> None:
+    """An archive is built from the uploaded files."""
+    url = "tcp://{}:{}".format(*processes.controller("--password", "secret"))
+    out, store = tmp_path / "out", f"{tmp_path / 'archive'}"
+    options = ("--listen", "127.0.0.1:0", "--out", f"{out}", "--archive", "s3://robots/uploads")
+    recorder = processes.start("record", url, *options, "--no-rrd", "--rotate", "1h")
+    with Client(f"tcp://{recorder.stdout.readline().split()[1]}", password="secret") as robot:
+        robot.get_status()
+    recorder.send_signal(signal.SIGINT)
+    printed, _ = recorder.communicate(timeout=_LIMIT_S)
+    assert recorder.returncode == 0, printed
+    assert "files in s3://robots/uploads: 1" in printed
+    run("build", "s3://robots/uploads", "--to", store)
+    (capture,) = out.glob("*.mcap")
+    at = f"s3://robots/uploads/127.0.0.1/{capture.name[:10]}/{capture.name}"
+    found = run("query", store, "SELECT robot, file FROM files", "--csv").stdout
+    assert found.splitlines()[1:] == [f"127.0.0.1,{at}"]
+
+
+def test_an_interrupted_upload(cloud: Any, tmp_path: Path) -> None:
+    """The bucket has nothing of it, not even a part of an object."""
+    capture = tmp_path / "2026-11-20T23-59-59Z_line-3.mcap"
+    capture.write_bytes(bytes(20_000_000))
+    key = f"robots/interrupted/line-3/2026-11-20/{capture.name}"
+    store = UploadStore("s3://robots/interrupted", "token", Pace(10**12), _interrupt_after(60))
+    with pytest.raises(InterruptedError):
+        store.put(capture, "line-3")
+    cloud.invalidate_cache()
+    assert not cloud.exists(key)
+    assert not cloud.list_multipart_uploads("robots")
+    whole = UploadStore("s3://robots/interrupted", "token", Pace(10**12))
+    for _ in range(2):
+        assert whole.put(capture, "line-3") == (f"s3://{key}", False)
+    cloud.pipe_file(key, b"other")
+    stored, renamed = whole.put(capture, "line-3")
+    assert renamed
+    assert (cloud.cat_file(key), cloud.cat_file(stored)) == (b"other", capture.read_bytes())
+
+
+def _interrupt_after(pieces: int) -> Callable[[], None]:
+    left = iter(range(pieces))
+
+    def interrupt() -> None:
+        if next(left, None) is None:
+            raise InterruptedError
+
+    return interrupt
+
+
+def test_a_store_that_ends_during_an_upload(
+    start: Callable[..., Server], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error is reported after the attempts of the library."""
+    server = start("moto_server", "--host", "127.0.0.1", "--port", "0")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server.until(r"Running on (http://[\d.:]+)"))
+    fsspec.filesystem("s3", skip_instance_cache=True).mkdir("robots")
+    capture = tmp_path / "2026-11-20T23-59-59Z_line-3.mcap"
+    capture.write_bytes(bytes(20_000_000))
+    left = iter(range(60))
+
+    def end_server() -> None:
+        if next(left, None) is None:
+            server.kill()
+
+    fsspec.filesystem("s3").clear_instance_cache()
+    store = UploadStore("s3://robots", "token", Pace(10**12), end_server)
+    with pytest.raises(EndpointConnectionError):
+        store.put(capture, "line-3")
 
 
 @pytest.fixture

@@ -81,7 +81,11 @@ class LineDisplay:
             self._end(statuses)
 
     def _end(self, statuses: Sequence[Status]) -> None:
-        open_ones = [status for status in statuses if not status.progress.finished]
+        open_ones = [
+            status
+            for status in statuses
+            if not status.progress.finished or (status.uploads and status.uploads.waiting)
+        ]
         if not open_ones:
             return
         now_s = open_ones[0].time_s
@@ -91,13 +95,22 @@ class LineDisplay:
             return
         else:
             for status in open_ones:
-                self._say(
-                    UserMessage(
-                        "{name}: still writing, {size} remaining",
-                        name=status.name,
-                        size=_size(status.waiting_bytes),
+                if not status.progress.finished:
+                    self._say(
+                        UserMessage(
+                            "{name}: still writing, {size} remaining",
+                            name=status.name,
+                            size=_size(status.waiting_bytes),
+                        )
                     )
-                )
+                elif status.uploads:
+                    self._say(
+                        UserMessage(
+                            "{name}: still archiving, {files} remaining",
+                            name=status.name,
+                            files=status.uploads.waiting_text,
+                        )
+                    )
         self._ending_s = now_s
 
 
@@ -222,6 +235,8 @@ def _problems(status: Status) -> list[str]:
         problems.append(f"{_CONNECTING} {status.connecting_s:.0f} s")
     if status.progress.unreached:
         problems.append(f"{_UNREACHED}: {status.progress.unreached}")
+    if status.upload_problem:
+        problems.append(status.upload_problem)
     if status.gaps:
         problems.append(
             UserMessage(

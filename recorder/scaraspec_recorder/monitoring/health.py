@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.monitoring.status import STALL_S
+from scaraspec_recorder.recordings.upload_log import UploadState
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.locks import find_spool
 from scaraspec_recorder.spool.spool import (
@@ -17,7 +18,7 @@ from scaraspec_recorder.spool.spool import (
 
 
 def health_problems(out_dir: Path, now_s: Callable[[], float] = time.time) -> list[str]:
-    """Return why the recorder of a folder does not record now; empty if it does.
+    """Return why the recorder of a folder does not record or upload now; empty if it does.
 
     Earlier gaps, and a robot that cannot be reached, are no problem of the recorder.
     """
@@ -39,4 +40,6 @@ def health_problems(out_dir: Path, now_s: Callable[[], float] = time.time) -> li
                 waiting=waiting,
             )
         )
+    if (uploads := UploadState.read(spool)) and (problem := uploads.problem(int(now_s() * 1e9))):
+        problems.append(problem)
     return problems

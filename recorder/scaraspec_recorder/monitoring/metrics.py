@@ -99,6 +99,8 @@ class _Collector(Collector):
                 ("waiting_bytes", "Unwritten bytes in the spool."),
                 ("silent_seconds", "Seconds since the last write."),
                 ("free_bytes", "Free bytes on the disk of the recording."),
+                ("archive_waiting_files", "Finished files that are not archived yet."),
+                ("archive_waiting_bytes", "Their bytes."),
             )
         }
         for status in self._read_statuses():
@@ -118,4 +120,7 @@ class _Collector(Collector):
                 ("free_bytes", status.free_bytes),
             ):
                 gauges[name].add_metric(robot, value)
+            if uploads := status.uploads:
+                gauges["archive_waiting_files"].add_metric(robot, uploads.waiting)
+                gauges["archive_waiting_bytes"].add_metric(robot, uploads.waiting_bytes)
         return (*counters.values(), unforwarded, connections, files, *gauges.values())

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec_recorder.recording import Recording
+from scaraspec_recorder.recordings.upload_log import UploadState
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.spool import WriteStall, checkpoint_time_s, unread_bytes
 
@@ -40,6 +41,7 @@ class Status:
         free_bytes: Free disk space.
         stall: Why writing is stalled, if known.
         starting: Whether nothing was acknowledged since the start.
+        uploads: State of the uploads; None if files are not uploaded.
     """
 
     name: str
@@ -52,6 +54,12 @@ class Status:
     free_bytes: int
     stall: WriteStall | None = None
     starting: bool = False
+    uploads: UploadState | None = None
+
+    @property
+    def upload_problem(self) -> str:
+        """Why finished files are not uploaded; empty if they are."""
+        return self.uploads.problem(int(self.time_s * 1e9)) if self.uploads else ""
 
     @property
     def stalled(self) -> bool:
@@ -120,6 +128,7 @@ class StatusReader:
             free_bytes,
             stall,
             acknowledged_s == self._started_s,
+            recording.upload_state,
         )
 
     def _last_acknowledged_s(self) -> float:

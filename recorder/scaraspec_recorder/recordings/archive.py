@@ -16,6 +16,7 @@ from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
 from scaraspec_recorder.recordings.trigger_command import TriggerCommand
+from scaraspec_recorder.recordings.upload_log import UploadLog
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder
 from scaraspec_recorder.sinks.own_files import remove_temporary_files
@@ -42,6 +43,8 @@ class Archive:
         triggers: Conditions that write a mark into the recording, see `triggers`.
         on_trigger: Command to run when a trigger fires; empty for none.
         protect_ns: How long before and after a mark recordings are protected from retention.
+        keep_until_in: The store that must have a recording before the limits `keep` remove it;
+            empty for none.
     """
 
     robot: str
@@ -55,6 +58,7 @@ class Archive:
     triggers: tuple[str, ...] = ()
     on_trigger: tuple[str, ...] = ()
     protect_ns: int = 0
+    keep_until_in: str = ""
 
 
 def archive_sink(
@@ -84,7 +88,14 @@ def archive_sink(
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
     before, limits = folder.state.clock, (archive.keep, archive.min_free_bytes)
     retention = Retention(
-        index, *limits, free_bytes, ClockWatch(before=before), protect_ns=archive.protect_ns
+        index,
+        *limits,
+        free_bytes,
+        ClockWatch(before=before),
+        protect_ns=archive.protect_ns,
+        archived=UploadLog(folder.path, archive.keep_until_in).names
+        if archive.keep_until_in
+        else None,
     )
     enough = retention.enforce(now_ns())
     if enough:

@@ -62,7 +62,7 @@ class RecordingIndex:
         self._unsaved: list[dict[str, Any]] = []
         self._unrepaired: list[Path] = []
         for line in self._read_lines():
-            self._apply(line)
+            _apply(line, self.entries)
         self._add_unlisted_files()
         self._remove_missing_files()
 
@@ -135,23 +135,11 @@ class RecordingIndex:
 
     def _read_lines(self) -> Iterator[dict[str, Any]]:
         """Yield the valid lines of the file. An invalid line causes a rewrite."""
-        try:
-            file = self._path.open("rb")
-        except FileNotFoundError:
-            return
-        with file:
-            while text := file.readline(_MAX_LINE_BYTES):
-                try:
-                    yield _decode(text)
-                except (ValueError, RecursionError):
-                    self._saved = False
-
-    def _apply(self, line: Mapping[str, Any]) -> None:
-        if "removed" in line:
-            self.entries.pop(line["removed"], None)
-        else:
-            entry = RecordingSummary.read({**line, "streams": {}})
-            self.entries[entry.name] = entry
+        for line in _lines(self._path):
+            if line is None:
+                self._saved = False
+            else:
+                yield line
 
     def _add_unlisted_files(self) -> None:
         for path in sorted(self.folder.glob("*.mcap")):
@@ -176,6 +164,40 @@ class RecordingIndex:
             if path.is_symlink() or not path.exists():
                 self._saved = False
                 self.remove(entry.name, entry.end_ns, "it was not there any more")
+
+
+def listed_recordings(folder: Path) -> dict[str, RecordingSummary]:
+    """Return the entries in the index of a folder, by name; another process may append to it.
+
+    Raises:
+        OSError: The index cannot be read.
+    """
+    entries: dict[str, RecordingSummary] = {}
+    for line in filter(None, _lines(folder / FILE_NAME)):
+        _apply(line, entries)
+    return entries
+
+
+def _apply(line: Mapping[str, Any], entries: dict[str, RecordingSummary]) -> None:
+    if "removed" in line:
+        entries.pop(line["removed"], None)
+    else:
+        entry = RecordingSummary.read({**line, "streams": {}})
+        entries[entry.name] = entry
+
+
+def _lines(path: Path) -> Iterator[dict[str, Any] | None]:
+    """Yield the lines of an index; None for an invalid line."""
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        return
+    with file:
+        while text := file.readline(_MAX_LINE_BYTES):
+            try:
+                yield _decode(text)
+            except (ValueError, RecursionError):
+                yield None
 
 
 def repair_and_summarize(path: Path) -> RecordingSummary:

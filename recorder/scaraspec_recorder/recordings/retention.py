@@ -4,11 +4,12 @@ The oldest complete recordings are removed first. Files that are being written a
 Each removal is logged and recorded in the index.
 
 Recordings near a mark of a trigger can be protected. Limits of age and size do not remove them. If
-the disk is full, they are removed after all others: otherwise nothing more could be recorded.
+the disk is full, they are removed after all others: otherwise nothing more could be recorded. The
+same applies to recordings that must be uploaded first.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 from scaraspec.user_message import UserMessage
@@ -36,6 +37,8 @@ class Retention:
         free_bytes: Returns the free disk space.
         clock: Detects steps of the clock. After a step the ages are unknown, and only sizes count.
         protect_ns: How long before and after a mark recordings are protected; 0 for no protection.
+        archived: Returns the names of the uploaded recordings; others are protected. None for no
+            protection.
 
     Attributes:
         clock: The same.
@@ -50,6 +53,7 @@ class Retention:
         clock: ClockWatch | None = None,
         *,
         protect_ns: int = 0,
+        archived: Callable[[], Collection[str]] | None = None,
     ) -> None:
         self._index = index
         self._keep = keep
@@ -57,6 +61,7 @@ class Retention:
         self._free_bytes = free_bytes
         self.clock = clock or ClockWatch()
         self._protect_ns = protect_ns
+        self._archived = archived
         self._open_marks: Sequence[tuple[int, int]] = ()
 
     def enforce(
@@ -74,11 +79,13 @@ class Retention:
             Whether the required disk space is free.
 
         Raises:
-            OSError: A file cannot be removed, or the index cannot be written.
+            OSError: A file cannot be removed, the index cannot be written, or the names of the
+                uploaded recordings cannot be read.
         """
         self.clock.step_ns()
         self._open_marks = open_marks
-        protected = self._protected()
+        not_archived = self._not_archived()
+        protected = self._protected() | not_archived
         oldest_first = self._oldest_first()
         total_bytes = written_bytes + sum(entry.size_bytes for entry in oldest_first)
         for entry in oldest_first:
@@ -89,24 +96,34 @@ class Retention:
             if reason := _too_much(self._keep, total_bytes, age_ns):
                 total_bytes -= entry.size_bytes
                 self._remove(entry, now_ns, reason)
-        return self._make_room(now_ns)
+        return self._make_room(now_ns, not_archived)
 
-    def _make_room(self, now_ns: int) -> bool:
+    def _make_room(self, now_ns: int, not_archived: Collection[str]) -> bool:
         if not self._min_free_bytes:
             return True
         # Count removed files as free immediately. The file system may free them later, and then
         # too many files would be removed.
         free_bytes = self._free_bytes()
         protected = self._protected()
-        for entry in sorted(self._oldest_first(), key=lambda entry: entry.name in protected):
+        for entry in sorted(
+            self._oldest_first(),
+            key=lambda entry: (entry.name in not_archived, entry.name in protected),
+        ):
             if free_bytes >= self._min_free_bytes:
                 break
             free_bytes += entry.size_bytes
             least = show_size(self._min_free_bytes)
-            self._remove(
-                entry, now_ns, UserMessage("less than {least} free on the disk", least=least)
+            template = (
+                "less than {least} free on the disk, although not archived"
+                if entry.name in not_archived
+                else "less than {least} free on the disk"
             )
+            self._remove(entry, now_ns, UserMessage(template, least=least))
         return free_bytes >= self._min_free_bytes
+
+    def _not_archived(self) -> set[str]:
+        """Return the names of the recordings that must be uploaded before they are removed."""
+        return self._index.entries.keys() - self._archived() if self._archived else set()
 
     def _protected(self) -> set[str]:
         """Return the names of the recordings near a mark."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from scaraspec_recorder.monitoring.status import Status
+from scaraspec_recorder.recordings.upload_log import UploadState
 from scaraspec_recorder.sinks.sink_runner import Progress
 from scaraspec_recorder.spool.event_builder import ByteCounts
 
@@ -21,6 +22,7 @@ STATUS = Status(
     waiting_bytes=4096,
     silent_s=1.5,
     free_bytes=123_456,
+    uploads=UploadState(waiting=2, waiting_bytes=700),
 )
 
 
@@ -43,6 +45,8 @@ def test_a_scrape_returns_all_metrics() -> None:
         'scaraspec_waiting_bytes{robot="line-3"} 4096.0',
         'scaraspec_silent_seconds{robot="line-3"} 1.5',
         'scaraspec_free_bytes{robot="line-3"} 123456.0',
+        'scaraspec_archive_waiting_files{robot="line-3"} 2.0',
+        'scaraspec_archive_waiting_bytes{robot="line-3"} 700.0',
     ):
         assert line in lines
 

@@ -26,6 +26,7 @@ class Disk:
         self.index = RecordingIndex(folder)
         self.index.save()
         self.free_bytes = self.protect_ns = 0
+        self.archived: tuple[str, ...] | None = None
 
     def add(self, name: str, *, age_h: int, size_mb: int = 1, marked: bool = False) -> None:
         """Add a recording of two files that ended at this age."""
@@ -40,8 +41,14 @@ class Disk:
 
     def enforce(self, keep: str = "", *, min_free_mb: int = 0, written_mb: int = 0) -> bool:
         limits = parse_limits(keep) if keep else Limits()
+        archived = self.archived
         retention = Retention(
-            self.index, limits, min_free_mb * MB, self._free, protect_ns=self.protect_ns
+            self.index,
+            limits,
+            min_free_mb * MB,
+            self._free,
+            protect_ns=self.protect_ns,
+            archived=None if archived is None else lambda: archived,
         )
         return retention.enforce(NOW_NS, written_mb * MB)
 
@@ -228,3 +235,24 @@ def test_the_newest_that_fit_are_kept(
     if gone:
         assert all(e.begin_ns >= gone[-1].begin_ns for e in remaining)
         assert size + gone[-1].size_bytes > max(keep_mb, 1) * MB
+
+
+def test_recordings_that_are_not_archived_are_kept(disk: Disk) -> None:
+    """Limits of age and size remove only what is archived."""
+    disk.archived = ("b.mcap",)
+    disk.enforce("1h,0.5MB")
+    assert disk.remaining == ["a", "c"]
+
+
+def test_a_full_disk_removes_recordings_that_are_not_archived(
+    disk: Disk, caplog: pytest.LogCaptureFixture
+) -> None:
+    """After all others, also after those near a mark; the log and the index say so."""
+    disk.protect_ns = SECOND_NS
+    disk.add("d", age_h=1, marked=True)
+    disk.archived = ("d.mcap",)
+    assert disk.enforce(min_free_mb=2)
+    assert disk.remaining == ["b", "c"]
+    least = "less than 2 MB free on the disk"
+    assert disk.removed == [("d.mcap", least), ("a.mcap", f"{least}, although not archived")]
+    assert f"a.mcap: {least}, although not archived" in caplog.text
