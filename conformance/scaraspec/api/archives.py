@@ -165,7 +165,7 @@ def _archive_killed(task: _Task) -> Archived:
 def _store(task: _Task, file: FileRow, folder: Path, reason: str) -> Archived:
     try:
         Store(task.store).put(task.name, file, folder, task.earlier)
-    except (OSError, ArchiveError) as error:
+    except ArchiveError as error:
         return Archived(file.file, f"{file.verdict}", f"{error}", stored=False)
     return Archived(file.file, f"{file.verdict}", reason)
 

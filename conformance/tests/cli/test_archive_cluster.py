@@ -266,6 +266,20 @@ def test_the_report(tmp_path: Path) -> None:
     assert "s3://robots/captures/line-0/corrupt.pcap" in page.read_text("utf-8")
 
 
+def test_an_object_storage_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sentence for each command."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    for arguments in (
+        ("query", "s3://robots/a", "FROM files"),
+        ("build", "s3://robots", "--to", "x"),
+    ):
+        errors = run(*arguments, status=2).stderr
+        assert "cannot be used: Could not connect to the endpoint URL" in errors
+        assert errors.count("\n") == 1
+
+
 @pytest.mark.usefixtures("cloud")
 def test_a_recording_is_uploaded(processes: Any, tmp_path: Path) -> None:
     """An archive is built from the uploaded files."""

@@ -14,6 +14,7 @@ written last: a build that was killed in between is repeated, and nothing is the
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -116,13 +117,11 @@ class Store:
 
     def __init__(self, url: str, *, create: bool = False) -> None:
         self.url = url
-        try:
+        with _reaching(url):
             self.fs, self.root = url_to_fs(url)
             mark = f"{self.root}/{_MARK}"
             if not self.fs.exists(mark):
                 self._create(mark, create=create)
-        except (OSError, ImportError, ValueError) as error:
-            raise _unusable(url, error) from None
 
     def _create(self, mark: str, *, create: bool) -> None:
         if not create:
@@ -177,7 +176,7 @@ class Store:
             earlier: The parts of the capture that were in the store before.
 
         Raises:
-            OSError: The store cannot be written.
+            ArchiveError: The store cannot be written.
         """
         partition = f"robot={quote(name.robot, safe='')}/day={_day(file.begun_ns)}"
         paths = {
@@ -185,12 +184,13 @@ class Store:
             for table in (*(each for each in ARCHIVED if each != "files"), "files")
         }
         obsolete = set(earlier) - {*paths.values()}
-        for table, path in paths.items():
-            if table == "files":
-                files = f"{self.root}/files/"
-                self._remove(each for each in obsolete if each.startswith(files))
-            self._copy(folder / f"{table}.parquet", path)
-        self._remove(obsolete)
+        with _reaching(self.url):
+            for table, path in paths.items():
+                if table == "files":
+                    files = f"{self.root}/files/"
+                    self._remove(each for each in obsolete if each.startswith(files))
+                self._copy(folder / f"{table}.parquet", path)
+            self._remove(obsolete)
 
     def _copy(self, file: Path, path: str) -> None:
         """Copy a file into the store: no reader sees a part of it."""
@@ -233,15 +233,13 @@ def find_sources(urls: Sequence[str], is_capture: Callable[[str], bool]) -> Iter
     """
     seen: set[str] = set()
     for url in urls:
-        try:
+        with _reaching(url):
             fs, path = url_to_fs(url)
             if fs.isdir(path):
                 files = fs.find(path, detail=True).items()
                 found = {file: info for file, info in files if is_capture(file)}
             else:
                 found = {p: fs.info(p) for p in fs.glob(path)}
-        except (OSError, ImportError, ValueError) as error:
-            raise _unusable(url, error) from None
         if not found:
             raise ArchiveError(UserMessage("{url} has no capture", url=url))
         for path, info in sorted(found.items()):
@@ -258,18 +256,24 @@ def download(source: Source, folder: str) -> str:
     Raises:
         ArchiveError: It cannot be read.
     """
-    try:
+    with _reaching(source.url):
         fs, path = url_to_fs(source.url)
         if _is_local(fs):
             return f"{path}"
         copy = f"{folder}/{PurePosixPath(path).name}"
         fs.get_file(path, copy)
-    except (OSError, ImportError) as error:
-        raise _unusable(source.url, error) from None
     return copy
 
 
-def _unusable(url: str, error: Exception) -> ArchiveError:
-    """Return the error for a store or source that cannot be used."""
-    reason = getattr(error, "strerror", None) or f"{error}" or type(error).__name__
-    return ArchiveError(UserMessage("{url} cannot be used: {reason}", url=url, reason=reason))
+@contextmanager
+def _reaching(url: str) -> Iterator[None]:
+    """Report any exception of the library that reaches a store or source as an `ArchiveError`."""
+    try:
+        yield
+    except ArchiveError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the libraries of fsspec have exceptions of their own
+        reason = getattr(error, "strerror", None) or f"{error}" or type(error).__name__
+        raise ArchiveError(
+            UserMessage("{url} cannot be used: {reason}", url=url, reason=reason)
+        ) from None
