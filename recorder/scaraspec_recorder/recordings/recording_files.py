@@ -18,6 +18,7 @@ from scaraspec_recorder.recordings.recording_stats import (
     RecordingStats,
     RecordingSummary,
 )
+from scaraspec_recorder.sinks.batches import BatchedOutput
 from scaraspec_recorder.sinks.decoder import Item, Output
 from scaraspec_recorder.sinks.file_names import file_stem
 from scaraspec_recorder.sinks.mcap.mcap_sink import LINK, MASKED, PASSWORDS, SERIAL, McapSink
@@ -131,7 +132,7 @@ def make_files(
             each.unlink(missing_ok=True)
 
     file = path.open("wb", _HEAD_BYTES)
-    capture = McapSink(file, session, discard)
+    capture = BatchedOutput(McapSink(file, session, discard))
     if not draw:
         return (path,), (capture,)
     try:
@@ -146,7 +147,7 @@ def make_files(
         if isinstance(error, RuntimeError):  # of rerun, which has no memory or no file
             raise SinkFailed(str(error)) from error
         raise
-    return (path, drawn), (capture, drawing)
+    return (path, drawn), (capture, BatchedOutput(drawing))
 
 
 class RecordingFiles:

@@ -157,7 +157,7 @@ class Decoder:
         except ENVIRONMENT_FAILURES:
             raise
         except Exception as error:  # noqa: BLE001 - the raw layer must continue
-            self._defect = f"decoding stopped because of a defect in this tool: {error!r}"
+            self._defect = defect_text(error)
             _log.exception("decoding stopped; recording continues")
 
     def _number(self, item: Item) -> int:
@@ -176,6 +176,11 @@ class Decoder:
             if found[item.verdict] > _LOGGED_FINDINGS:
                 return None
         return event_text.log_line(item)
+
+
+def defect_text(error: Exception) -> str:
+    """Return what the summary of a recording says about a defect of this tool."""
+    return f"decoding stopped because of a defect in this tool: {error!r}"
 
 
 def judge_summary(judge: Judge) -> dict[str, str]:

@@ -36,6 +36,7 @@ _MESSAGE: Final = struct.Struct(
     "<BQHIQQ"
 )  # opcode, length, channel, sequence, log and publish time
 _MESSAGE_HEAD_BYTES: Final = 22  # of these, what the length counts
+_MESSAGE_OPCODE: Final = int(Opcode.MESSAGE)  # packing a member of an enumeration takes longer
 _INDEX: Final = struct.Struct("<BQHI")  # opcode, length, channel, length of the entries
 _INDEX_HEAD_BYTES: Final = 6
 _FOOTER: Final = struct.Struct("<BQQQ")  # opcode, length, start of summary and of its offsets
@@ -129,7 +130,7 @@ class ChunkWriter:
     ) -> None:
         """Add a message; it is written when its chunk is full or flushed."""
         head = _MESSAGE.pack(
-            Opcode.MESSAGE,
+            _MESSAGE_OPCODE,
             _MESSAGE_HEAD_BYTES + len(data),
             channel_id,
             sequence & 0xFFFFFFFF,
