@@ -146,9 +146,9 @@ _OF_ALL: Final = ("config", "live", "metrics", "check")  # these do not belong t
 def command(url: str | None, **options: Any) -> None:
     """Relay clients to the controller at URL and record the traffic, until Ctrl-C.
 
-    The link never waits for the recording. The command writes capture.mcap. With --rotate, --keep,
-    --min-free or --archive it writes several files, named by time and robot; the default is then
-    one file an hour. With the extra view it also writes .rrd files. Exit status 3: not all is kept.
+    The link never waits for the recording. The command writes capture.mcap; with --rotate, --keep,
+    --min-free or --archive several files, named by time and robot, by default one an hour. With the
+    extra view it also writes .rrd files. Exit status 3 if anything was lost or is not uploaded.
     """
     if options["check"]:
         if url or [key for key, value in options.items() if value] != ["check"]:
