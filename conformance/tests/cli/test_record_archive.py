@@ -140,13 +140,17 @@ def recorder_again(robot: Recorder, *options: str) -> Recorder:
     return Recorder(robot.processes, robot.out.parent, *options)
 
 
-def test_a_recorder_that_is_killed_during_an_upload(recorder: Callable[..., Recorder]) -> None:
-    """The store has no part of a file; the next recorder uploads it."""
+@pytest.mark.parametrize("kill", [os.killpg, os.kill])
+def test_a_recorder_that_is_killed_during_an_upload(
+    recorder: Callable[..., Recorder], kill: Callable[[int, int], None]
+) -> None:
+    """The store has no part of a file; the next recorder uploads it. If only the recorder's own
+    process is killed, the upload ends, too."""
     robot = recorder("--rotate", "connection", "--archive-rate", "1b")
     robot.talk()
     while not [*robot.store.rglob("*.part")]:
         assert robot.process.poll() is None
-    os.killpg(robot.process.pid, signal.SIGKILL)
+    kill(robot.process.pid, signal.SIGKILL)
     robot.process.communicate()
     assert not robot.stored
     again = recorder_again(robot)

@@ -71,6 +71,9 @@ class Pace:
         rate_bytes: The rate, in bytes a second.
         monotonic: A clock in seconds.
         sleep: Waits for seconds.
+
+    Attributes:
+        rate_bytes: The rate.
     """
 
     def __init__(
@@ -79,7 +82,7 @@ class Pace:
         monotonic: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._rate_bytes = rate_bytes
+        self.rate_bytes = rate_bytes
         self._monotonic = monotonic
         self._sleep = sleep
         self._due_s = 0.0
@@ -87,7 +90,7 @@ class Pace:
     def spend(self, size_bytes: int) -> None:
         """Wait until these bytes fit in the rate."""
         now_s = self._monotonic()
-        self._due_s = max(self._due_s, now_s) + size_bytes / self._rate_bytes
+        self._due_s = max(self._due_s, now_s) + size_bytes / self.rate_bytes
         self._sleep(self._due_s - now_s)
 
 
@@ -111,6 +114,7 @@ class UploadStore:
         self._fs, self._root = url_to_fs(url)
         self._token = token
         self._pace = pace
+        self._piece_bytes = min(_PIECE_BYTES, pace.rate_bytes)  # a second's: it can end in between
         self._on_progress = on_progress
         protocols = self._fs.protocol
         protocols = {protocols} if isinstance(protocols, str) else {*protocols}
@@ -206,7 +210,7 @@ class UploadStore:
 
     def _pieces(self, file: FileIO) -> Iterator[bytes]:
         """Yield the content of a file at the permitted rate."""
-        while piece := file.read(_PIECE_BYTES):
+        while piece := file.read(self._piece_bytes):
             self._pace.spend(len(piece))
             self._on_progress()
             yield piece
