@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.upload_store import without_secrets
 from scaraspec_recorder.sinks.own_files import REBUILT, temporary_file
 from scaraspec_recorder.units import SECOND_NS, show_size
@@ -146,16 +147,24 @@ class UploadState:
     @property
     def waiting_text(self) -> str:
         """The number of waiting recordings, and their size."""
-        count = "1 file" if self.waiting == 1 else f"{self.waiting} files"
-        return f"{count} ({show_size(self.waiting_bytes)})"
+        template = "{count} file ({size})" if self.waiting == 1 else "{count} files ({size})"
+        return UserMessage(template, count=self.waiting, size=show_size(self.waiting_bytes))
 
     def problem(self, now_ns: int) -> str:
         """Return why recordings are not uploaded now; empty if they are, or if none waits."""
         if self.failure:
-            return f"archiving fails, {self.waiting_text} waiting: {self.failure}"
+            return UserMessage(
+                "archiving fails, {files} waiting: {reason}",
+                files=self.waiting_text,
+                reason=self.failure,
+            )
         if self.waiting and now_ns - self.time_ns > STALL_NS:
             silent_s = (now_ns - self.time_ns) // SECOND_NS
-            return f"archiving is stalled for {silent_s} s, {self.waiting_text} waiting"
+            return UserMessage(
+                "archiving is stalled for {silent_s} s, {files} waiting",
+                silent_s=silent_s,
+                files=self.waiting_text,
+            )
         return ""
 
 
