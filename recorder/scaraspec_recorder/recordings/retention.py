@@ -63,6 +63,7 @@ class Retention:
         self._protect_ns = protect_ns
         self._archived = archived
         self._open_marks: Sequence[tuple[int, int]] = ()
+        self._locked: set[str] = set()  # recordings whose removal was refused, which was logged
 
     def enforce(
         self, now_ns: int, written_bytes: int = 0, open_marks: Sequence[tuple[int, int]] = ()
@@ -79,8 +80,8 @@ class Retention:
             Whether the required disk space is free.
 
         Raises:
-            OSError: A file cannot be removed, the index cannot be written, or the names of the
-                uploaded recordings cannot be read.
+            OSError: The index cannot be written, or the names of the uploaded recordings cannot be
+                read.
         """
         self.clock.step_ns()
         self._open_marks = open_marks
@@ -93,9 +94,9 @@ class Retention:
                 continue
             age_known = not self.clock.was_set and entry.end_ns >= _CLOCK_UNSET_NS
             age_ns = now_ns - entry.end_ns if age_known else 0
-            if reason := _too_much(self._keep, total_bytes, age_ns):
+            reason = _too_much(self._keep, total_bytes, age_ns)
+            if reason and self._remove(entry, now_ns, reason):
                 total_bytes -= entry.size_bytes
-                self._remove(entry, now_ns, reason)
         return self._make_room(now_ns, not_archived)
 
     def _make_room(self, now_ns: int, not_archived: Collection[str]) -> bool:
@@ -111,14 +112,14 @@ class Retention:
         ):
             if free_bytes >= self._min_free_bytes:
                 break
-            free_bytes += entry.size_bytes
             least = show_size(self._min_free_bytes)
             template = (
                 "less than {least} free on the disk, although not archived"
                 if entry.name in not_archived
                 else "less than {least} free on the disk"
             )
-            self._remove(entry, now_ns, UserMessage(template, least=least))
+            if self._remove(entry, now_ns, UserMessage(template, least=least)):
+                free_bytes += entry.size_bytes
         return free_bytes >= self._min_free_bytes
 
     def _not_archived(self) -> set[str]:
@@ -148,14 +149,26 @@ class Retention:
         entries = self._index.entries.values()
         return sorted(entries, key=lambda entry: (entry.begin_ns, entry.name))
 
-    def _remove(self, entry: RecordingSummary, now_ns: int, reason: str) -> None:
+    def _remove(self, entry: RecordingSummary, now_ns: int, reason: str) -> bool:
+        """Remove a recording; return whether it is removed.
+
+        On Windows a file cannot be removed while another program has it open. It stays until a
+        later check.
+        """
         for path in (self._index.folder / name for name in entry.files):
             if path.is_symlink():
                 _log.warning("%s is not removed: it is a symbolic link", path)
             elif path.exists():
-                path.unlink(missing_ok=True)
+                try:
+                    path.unlink(missing_ok=True)
+                except PermissionError as error:
+                    if entry.name not in self._locked:
+                        self._locked.add(entry.name)
+                        _log.warning("%s cannot be removed now: %s", path, error.strerror)
+                    return False
                 _log.warning("removed %s: %s", path, reason)
         self._index.remove(entry.name, now_ns, reason)
+        return True
 
 
 def _too_much(limits: Limits, size_bytes: int, age_ns: int) -> str:

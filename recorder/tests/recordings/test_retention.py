@@ -1,5 +1,6 @@
 """Retention removes the oldest complete recordings and notes each removal."""
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -129,6 +130,29 @@ def test_a_symbolic_link_is_not_removed(disk: Disk, caplog: pytest.LogCaptureFix
     assert link.is_symlink()
     assert list(disk.index.entries) == ["b.mcap", "c.mcap"]
     assert caplog.messages[0] == f"{link} is not removed: it is a symbolic link"
+
+
+def test_a_file_that_another_program_has_open(
+    disk: Disk, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On Windows it cannot be removed: the next one is, and it is removed later."""
+    unlink = Path.unlink
+
+    def refused(path: Path, *, missing_ok: bool = False) -> None:
+        if path.stem == "oldest":
+            raise PermissionError(errno.EACCES, "it is used by another process", f"{path}")
+        unlink(path, missing_ok=missing_ok)
+
+    for name, age_h in (("oldest", 9), ("old", 8), ("new", 1)):
+        disk.add(name, age_h=age_h, size_mb=10)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", refused)
+        for _ in range(2):
+            assert disk.enforce("20MB")
+    assert disk.remaining == ["new", "oldest"]
+    assert "oldest.mcap cannot be removed now: it is used by another process" in caplog.text
+    assert disk.enforce("10MB")
+    assert disk.remaining == ["new"]
 
 
 def test_the_oldest_are_removed_until_the_size_fits(disk: Disk) -> None:
