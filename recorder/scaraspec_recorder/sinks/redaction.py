@@ -59,9 +59,12 @@ class _Link:
         self._pending: deque[tuple[int, WireEvent]] = deque()
 
     @property
-    def waiting(self) -> bool:
-        """Whether events are held back."""
-        return bool(self._pending)
+    def held_from(self) -> tuple[Direction, int] | None:
+        """Direction and offset of the first event that is held back; None if there is none."""
+        if not self._pending:
+            return None
+        begin, event = self._pending[0]
+        return event.direction, begin
 
     def take(self, event: WireEvent) -> None:
         """Queue an event, and note the secret ranges in the frames that it completes."""
@@ -211,10 +214,11 @@ class Redactor:
             del self._links[event.connection]
         yield from link.release()
 
-    @property
-    def waiting(self) -> bool:
-        """Whether events are held back."""
-        return any(link.waiting for link in self._links.values())
+    def unfinished_frames(self) -> Iterator[tuple[str, Direction, int]]:
+        """Yield connection, direction and offset of the first event that each link holds back."""
+        for connection, link in self._links.items():
+            if link.held_from:
+                yield connection, *link.held_from
 
     def flush(self) -> Iterator[WireEvent]:
         """Yield all events held back, with possibly secret bytes masked."""
@@ -225,5 +229,5 @@ class Redactor:
 def make_redactor(folder: OutputFolder) -> Redactor:
     """Return a redactor for recordings in a folder, which knows the passwords of earlier sinks."""
     redactor = Redactor(folder.state.passwords)
-    folder.delay_ticks_while(lambda: redactor.waiting)
+    folder.delay_ticks_while(redactor.unfinished_frames)
     return redactor

@@ -5,7 +5,7 @@ A sink receives the events of a recording. It may be slow or fail without affect
 
 import os
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -21,6 +21,9 @@ TICK_NS = 250_000_000
 
 MAX_TICK_NS = 1_000_000_000
 """The same for a sink that waits for the end of a frame, see `OutputFolder.delay_ticks_while`."""
+
+MAX_DELAY_NS = 10_000_000_000
+"""The same for a sink that waits for one frame after the other."""
 
 MAX_PASSWORDS: Final = 64
 """How many passwords are remembered."""
@@ -132,16 +135,19 @@ class OutputFolder:
         self._files = files
         self._metadata = dict(news or {})
         self._mark_callbacks: list[Callable[[], None]] = []
-        self._delays: list[Callable[[], bool]] = []
+        self._delays: list[Callable[[], Iterable[Hashable]]] = []
 
-    def delay_ticks_while(self, waiting: Callable[[], bool]) -> None:
-        """Register a condition under which a tick is delayed, for `MAX_TICK_NS` at most."""
-        self._delays.append(waiting)
+    def delay_ticks_while(self, unfinished: Callable[[], Iterable[Hashable]]) -> None:
+        """Register what names the unfinished frames, each of which may delay a tick.
 
-    @property
-    def delays_tick(self) -> bool:
-        """Whether a tick should be delayed."""
-        return any(waiting() for waiting in self._delays)
+        Args:
+            unfinished: Returns a name for each; the names of different frames differ.
+        """
+        self._delays.append(unfinished)
+
+    def unfinished_frames(self) -> set[Hashable]:
+        """Return the names of the frames whose end a tick should wait for."""
+        return {name for unfinished in self._delays for name in unfinished()}
 
     def on_mark_request(self, do: Callable[[], None]) -> None:
         """Register a callback, called before a tick if the user has requested a mark."""

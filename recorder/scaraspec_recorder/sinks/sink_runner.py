@@ -10,7 +10,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -24,6 +24,7 @@ from scaraspec_recorder.sinks.file_names import utc_time
 from scaraspec_recorder.sinks.own_files import umask_of
 from scaraspec_recorder.sinks.sink import (
     ENVIRONMENT_FAILURES,
+    MAX_DELAY_NS,
     MAX_TICK_NS,
     TICK_NS,
     FileRemoved,
@@ -161,7 +162,7 @@ class SinkRunner:
         self._mark_requests: int = reader.state.get("asked", 0)
         self._now_ns = now_ns
         self._ticked_ns = now_ns()
-        self._delayed_ns: int | None = None
+        self._delayed_since_ns: dict[Hashable, int] = {}
         self.progress = Progress.read(reader.state)
         state = reader.state
         if self.progress.finished:  # that recording is complete; only its spool remains
@@ -205,14 +206,15 @@ class SinkRunner:
     def _delays_tick(self, now_ns: int) -> bool:
         """Whether a tick that is due waits for the end of a frame.
 
-        The limit counts from the first delay and not from the last tick: if this process has not
-        run for a second, the frame may have just begun.
+        The limit counts for each frame, and not from the last tick: if frames arrive in parts, or
+        if this process has not run for a second, the frame may have just begun.
         """
-        if not self._folder.delays_tick:
-            return False
-        if self._delayed_ns is None:
-            self._delayed_ns = now_ns
-        return 0 <= now_ns - self._delayed_ns < MAX_TICK_NS - TICK_NS
+        since_ns = self._delayed_since_ns
+        unfinished = self._folder.unfinished_frames()
+        self._delayed_since_ns = {name: since_ns.get(name, now_ns) for name in unfinished}
+        begun_ns = self._delayed_since_ns.values()
+        fresh = all(0 <= now_ns - begin_ns < MAX_TICK_NS - TICK_NS for begin_ns in begun_ns)
+        return bool(unfinished) and fresh and 0 <= now_ns - self._ticked_ns < MAX_DELAY_NS
 
     def finish(self) -> None:
         """Close open connections and the sinks. No more records follow."""
@@ -236,7 +238,7 @@ class SinkRunner:
 
     def _tick(self, now_ns: int) -> None:
         self._ticked_ns = now_ns
-        self._delayed_ns = None
+        self._delayed_since_ns = {}
         for sink in self._sinks:
             sink.tick(now_ns)
 

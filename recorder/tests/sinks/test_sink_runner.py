@@ -10,6 +10,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.clock_watch import ClockState
 from scaraspec_recorder.sinks.sink import (
+    MAX_DELAY_NS,
     MAX_TICK_NS,
     TICK_NS,
     FileRemoved,
@@ -320,7 +321,7 @@ def test_a_tick_waits_for_the_end_of_a_frame(bench: Bench) -> None:
     """For a second at most."""
     sink = RecordingSink()
     runner = bench.runner(sink)
-    runner._folder.delay_ticks_while(lambda: True)
+    runner._folder.delay_ticks_while(lambda: ["a frame"])
     bench.put(Kind.OPENED)
     durable = []
     for _ in range(MAX_TICK_NS // TICK_NS):
@@ -333,8 +334,8 @@ def test_a_tick_waits_for_a_frame_after_a_pause_of_the_process(bench: Bench) -> 
     """The frame may have just begun: masking it now would change the frames of the capture."""
     sink = RecordingSink()
     runner = bench.runner(sink)
-    unfinished = [True]
-    runner._folder.delay_ticks_while(lambda: bool(unfinished))
+    unfinished = ["a frame"]
+    runner._folder.delay_ticks_while(lambda: unfinished)
     bench.put(Kind.OPENED)
     bench.now_ns += 3 * MAX_TICK_NS
     bench.tick(runner)
@@ -342,6 +343,20 @@ def test_a_tick_waits_for_a_frame_after_a_pause_of_the_process(bench: Bench) -> 
     unfinished.clear()
     bench.tick(runner)
     assert sink.durable == 1
+
+
+def test_a_tick_waits_for_frames_that_all_arrive_in_parts(bench: Bench) -> None:
+    """The limit counts for each frame; for ten seconds at most."""
+    sink = RecordingSink()
+    runner = bench.runner(sink)
+    frames = iter(range(1_000))
+    runner._folder.delay_ticks_while(lambda: [next(frames)])
+    bench.put(Kind.OPENED)
+    durable = []
+    for _ in range(MAX_DELAY_NS // TICK_NS):
+        bench.tick(runner)
+        durable.append(sink.durable)
+    assert durable == [0] * (len(durable) - 1) + [1]
 
 
 def test_unwritten_bytes_are_counted(bench: Bench) -> None:
