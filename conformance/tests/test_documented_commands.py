@@ -28,6 +28,7 @@ RUN = [
 LONG = (ROOT / "docs/tutorial-certify.md",)
 """A whole certification, which needs a quiet machine: `make test-tutorial`."""
 _COMMAND = re.compile(r"(?:^|(?<=[\s`]))scaraspec ([^`\n]+(?:\\\n[^`\n]+)*)", re.MULTILINE)
+_OPTION = re.compile(r"--[a-z][a-z-]*")
 _COMMENT = re.compile(r"\s+#.*$", re.MULTILINE)
 
 
@@ -87,8 +88,8 @@ def _options(arguments: list[str]) -> Iterator[tuple[str, set[str]]]:
         command = found
     known = {name for each in command.get_params(context) for name in each.opts}
     for word in arguments:
-        if word.startswith("--") and len(word) > len("--"):
-            yield word.partition("=")[0], known
+        if option := _OPTION.match(word):
+            yield option[0], known
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TRANSLATED, ROOT / "README.zh-CN.md"], ids=_name)
