@@ -218,7 +218,8 @@ async def end_of(process: "BaseProcess") -> int | None:
     try:
         await asyncio.shield(ended)
     finally:
-        process.kill()
+        if process.is_alive():  # to kill a process that has ended can change its exit status
+            process.kill()
         await ended
         process.join()
         status = process.exitcode

@@ -6,7 +6,6 @@ writes, and the spool is the only connection between them.
 
 import asyncio
 import errno
-import shutil
 import socket
 from collections.abc import AsyncIterator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +25,7 @@ from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.sinks.sink_runner import Progress, count_unwritten
 from scaraspec_recorder.spool import mark_requests
 from scaraspec_recorder.spool.durability import SYNC_S, SpoolSync
-from scaraspec_recorder.spool.locks import locked_spool, was_removed
+from scaraspec_recorder.spool.locks import locked_spool, remove_spool, was_removed
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, WriteStall, read_checkpoint, stall_of
 from scaraspec_recorder.tap import tap, tcp
 from scaraspec_recorder.tap.routes import Route
@@ -263,4 +262,4 @@ async def record(  # noqa: PLR0913 - independent options
                     syncing.cancel()
             if recording.progress.finished:
                 with suppress(FileNotFoundError):  # another process has removed it
-                    shutil.rmtree(spool)
+                    remove_spool(spool)

@@ -1,6 +1,5 @@
 """Audit: judges a capture file and returns the results."""
 
-import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -9,6 +8,7 @@ from typing import Final
 
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Conclusion, Finding
+from scaraspec.operating_system import join_command
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.audit import from_audit
 from scaraspec.report.evidence import evidence_of
@@ -100,7 +100,7 @@ def audit(  # noqa: PLR0913 - independent options of an audit
     if capture.session.get(PASSWORDS) == MASKED:
         scope = replace(scope, undecidable=scope.undecidable | _ON_PASSWORDS)
     judge = Judge(ics.dialect, needs_login=not serial, scope=scope, time_scale=ics.time_scale)
-    replay = reproduction or shlex.join(["scaraspec", "audit", *map(str, files)])
+    replay = reproduction or join_command(["scaraspec", "audit", *map(str, files)])
     listener = _Listener(judge, ics, observe)
     interrupted = False
     try:

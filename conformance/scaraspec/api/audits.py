@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from scaraspec.api.auditing import audit, title_of
+from scaraspec.operating_system import join_command
 from scaraspec.report.model import Results
 from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.child_process import ignore_signals
@@ -117,7 +117,7 @@ def audit_all(
 def _audited(
     files: tuple[Path, ...], arguments: Sequence[str], options: Mapping[str, Any]
 ) -> AuditedCapture:
-    reproduction = shlex.join(["scaraspec", "audit", *map(str, files), *arguments])
+    reproduction = join_command(["scaraspec", "audit", *map(str, files), *arguments])
     try:
         return AuditedCapture(files, *audit(files, reproduction=reproduction, **options))
     except CaptureError as error:

@@ -13,7 +13,11 @@ def main() -> None:
     A signal that arrives before the command is imported ends it, too. The first process of a
     container would otherwise ignore it.
     """
-    for name in ("SIGTERM", "SIGHUP"):  # Windows has no SIGHUP
+    for name in (
+        "SIGTERM",
+        "SIGHUP",
+        "SIGBREAK",
+    ):  # Windows has the last instead of SIGHUP
         number = getattr(signal, name, None)
         if number and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)

@@ -1,6 +1,5 @@
 """`scaraspec audit`: judge a capture."""
 
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,6 +19,7 @@ from scaraspec.cli.problems import Problem, require_replaceable, unreadable, unw
 from scaraspec.cli.progress_bar import shown_share
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.operating_system import join_command
 from scaraspec.protocol.readings import ReadingError, parse_settings
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Role
@@ -119,7 +119,7 @@ def command(  # noqa: PLR0913 - one for each option
             results, notes = audit(
                 files,
                 **options,
-                reproduction=shlex.join(["scaraspec", "audit", *map(str, paths), *words]),
+                reproduction=join_command(["scaraspec", "audit", *map(str, paths), *words]),
                 progress=progress,
             )
         if json_file:

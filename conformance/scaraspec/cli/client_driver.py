@@ -1,6 +1,7 @@
 """`scaraspec client-driver`: the reference client as a driver for `certify client`."""
 
 import asyncio
+import sys
 
 import click
 
@@ -35,6 +36,8 @@ def command(
     *, transfer_timeout: float | None, reply_timeout: float | None, readings: tuple[str, ...]
 ) -> None:
     """Run the reference client as a driver: JSON Lines on stdin and stdout, until stdin ends."""
+    if sys.platform == "win32":
+        raise Problem("client-driver runs on Linux and macOS only, as `certify client` does")
     try:
         dialect = Dialect.parse(readings)
     except ReadingError as error:

@@ -17,7 +17,7 @@ import click
 from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.mutants.controller import mutants
-from scaraspec.operating_system import ending_signals
+from scaraspec.operating_system import on_ending_signals
 from scaraspec.protocol.frames import StreamItem
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
@@ -178,9 +178,7 @@ def _pass(connection: int, seen: StreamItem) -> None:
 
 async def _serve(core: ControllerCore, options: _Options) -> None:
     server = Server(core, options.time_scale)
-    loop = asyncio.get_running_loop()
-    for number in ending_signals():
-        loop.add_signal_handler(number, server.stop)
+    on_ending_signals(asyncio.get_running_loop(), lambda _: server.stop())
     try:
         await _begin(server, options)
         await server.stopped.wait()

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +21,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.operating_system import ending_signals
+from scaraspec.operating_system import on_ending_signals
 from scaraspec.translation import localized
 from scaraspec.transports.url import (
     Serial,
@@ -246,9 +247,8 @@ async def _record(
         notify(STOPPING)
 
     with_signal: list[Recording] = []
-    with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
-        for number in ending_signals():
-            loop.add_signal_handler(number, end, number)
+    on_ending_signals(loop, end)
+    if sys.platform != "win32":
         loop.add_signal_handler(signal.SIGUSR1, _ask, with_signal)
     showing = loop.create_task(_show(watches, len(robots), stopped))
     try:

@@ -110,11 +110,16 @@ def _replace(name: str) -> "_Lenient | None":
     stream = getattr(sys, name)
     if stream is None or stream is not getattr(sys, f"__{name}__"):
         return None
+    redirected_on_windows = sys.platform == "win32" and not stream.isatty()
+    if sys.platform == "win32" and not redirected_on_windows:
+        stream.reconfigure(errors="backslashreplace")
+        return None  # only Python's own stream writes Unicode to a console
     file = _Lenient(stream.fileno(), "w", closefd=False)
     text = io.TextIOWrapper(
         cast("BinaryIO", file) if stream.write_through else io.BufferedWriter(file),
-        stream.encoding,
-        "backslashreplace",  # terminals and files on Windows lack some characters
+        "utf-8" if redirected_on_windows else stream.encoding,  # not the ANSI code page
+        "backslashreplace",  # some encodings of terminals lack characters
+        "" if redirected_on_windows else None,  # the same bytes as on other systems
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )

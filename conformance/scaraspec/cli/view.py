@@ -154,7 +154,8 @@ def _show(drawn: Path, at_ns: int | None) -> None:
                 "the Rerun viewer did not start: is there a screen?", ExitStatus.INCONCLUSIVE
             )
     except KeyboardInterrupt:
-        os.killpg(viewer.pid, signal.SIGTERM)  # the started process starts the viewer
+        if sys.platform != "win32":  # there, Ctrl-C ends the viewer, too
+            os.killpg(viewer.pid, signal.SIGTERM)  # the started process starts the viewer
         viewer.wait()
 
 

@@ -7,17 +7,20 @@ files are deleted at the same time.
 import os
 import shutil
 import signal
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from multiprocessing import Pipe, forkserver, get_context, resource_tracker
+from multiprocessing import Pipe, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from scaraspec_recorder.child_process import safe_import_path
+
+_processes = get_context("spawn" if sys.platform == "win32" else "forkserver")
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -38,14 +41,17 @@ def in_processes(
         runs: Number of calls after which each process is replaced, on average.
     """
     with safe_import_path():
-        resource_tracker.ensure_running()
-        forkserver.ensure_running()
+        if sys.platform != "win32":
+            from multiprocessing import forkserver  # noqa: PLC0415 - absent on Windows
+
+            resource_tracker.ensure_running()
+            forkserver.ensure_running()
     line, far = Pipe(duplex=False)
     with line, far, TemporaryDirectory(prefix="scaraspec-") as scratch:
         for first in range(0, len(about), jobs * runs):
             here = about[first : first + jobs * runs]
             obeying = (line, scratch)
-            with ProcessPoolExecutor(jobs, get_context("forkserver"), _obey, obeying) as pool:
+            with ProcessPoolExecutor(jobs, _processes, _obey, obeying) as pool:
                 try:
                     # `pool.map` cancels its pending calls when it is closed, and fails over that.
                     for done in [pool.submit(work, each) for each in here]:

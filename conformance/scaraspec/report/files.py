@@ -4,6 +4,8 @@ import os
 from pathlib import Path
 from uuid import uuid4
 
+from scaraspec.operating_system import replace_file
+
 
 def write_whole(path: Path, text: str) -> None:
     """Write `text` atomically as UTF-8 with LF: readers see the old or the complete new file.
@@ -41,7 +43,7 @@ def _write(path: Path, text: str) -> None:
             file.write(text.encode("utf-8", "backslashreplace"))
             file.flush()
             os.fsync(file.fileno())
-        part.replace(path)
+        replace_file(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
         raise

@@ -6,7 +6,6 @@ terminal.
 """
 
 import re
-import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
@@ -16,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scaraspec.judge.verdicts import Conclusion
+from scaraspec.operating_system import join_command
 from scaraspec.report import formatting
 from scaraspec.report.model import Case, Loss, Results, Role
 from scaraspec.report.ordering import VERDICTS_BY_IMPORTANCE
@@ -84,7 +84,7 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
     if results.role is Role.CAPTURE and shown:
         console.print(_text(localized(_ABBREVIATIONS), "dim"), soft_wrap=True)
         if shown[0].case.moment and _SEVERAL_FILES not in results.subject.file:
-            command = shlex.join(["scaraspec", "view", results.subject.file, "--finding", "1"])
+            command = join_command(["scaraspec", "view", results.subject.file, "--finding", "1"])
             console.print(
                 _text(localized("to see the first finding: {command}", command=command), "dim"),
                 soft_wrap=True,

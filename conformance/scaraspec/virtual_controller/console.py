@@ -2,7 +2,10 @@
 
 import asyncio
 import os
+import sys
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 from scaraspec.virtual_controller.console_commands import ConsoleCommandError, execute
@@ -27,6 +30,9 @@ class Console:
         self._answer = answer
         self._loop = asyncio.get_running_loop()
         self._rest = b""
+        if sys.platform == "win32":  # its event loops watch only sockets
+            threading.Thread(target=self._read_in_thread, daemon=True).start()
+            return
         try:
             self._loop.add_reader(source, self._read)
         except PermissionError:  # the event loop cannot watch a regular file: read it directly
@@ -38,6 +44,11 @@ class Console:
             self._process(data)
         else:
             self._loop.remove_reader(self._source)
+
+    def _read_in_thread(self) -> None:
+        with suppress(RuntimeError):  # the event loop has ended
+            while data := os.read(self._source, _READ_BYTES):
+                self._loop.call_soon_threadsafe(self._process, data)
 
     def _read_file(self) -> None:
         data = os.read(self._source, _READ_BYTES)

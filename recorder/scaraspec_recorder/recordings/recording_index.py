@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from mcap.records import Channel, Message
 
+from scaraspec.operating_system import replace_file
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.marks import SOURCE
 from scaraspec_recorder.recordings.recording_stats import (
@@ -100,7 +101,7 @@ class RecordingIndex:
                 file.writelines(map(_encode, self._unsaved))
                 file.flush()
                 os.fsync(file.fileno())
-            beside.replace(self._path)
+            replace_file(beside, self._path)
         finally:
             beside.unlink(missing_ok=True)
         self._unsaved.clear()

@@ -25,7 +25,7 @@ from scaraspec_recorder.sinks.own_files import (
 from scaraspec_recorder.sinks.rerun.optimizer import is_whole
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFactory
 from scaraspec_recorder.sources.mcap_reader import read_mcap
-from scaraspec_recorder.spool.locks import lock_spool, spool_folder
+from scaraspec_recorder.spool.locks import lock_spool, release_spool, remove_spool, spool_folder
 from scaraspec_recorder.spool.spool import unread_bytes
 
 _log = logging.getLogger(__name__)
@@ -79,8 +79,8 @@ def locked_folder(folder: Path) -> Iterator[int]:
         yield unwritten_bytes
     finally:
         if not unwritten_bytes:
-            shutil.rmtree(spool)
-        os.close(held)
+            remove_spool(spool)
+        release_spool(spool, held)
 
 
 def has_complete_rrd(path: Path) -> bool:

@@ -7,7 +7,6 @@ not run by a shell, so text from the link cannot become a part of the command.
 
 import logging
 import os
-import shlex
 import shutil
 import subprocess
 import threading
@@ -16,6 +15,7 @@ from pathlib import Path
 from queue import Full, Queue
 from typing import Final
 
+from scaraspec.operating_system import split_command
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.sinks.file_names import utc_time
 
@@ -37,7 +37,7 @@ def parse_command(text: str) -> tuple[str, ...]:
     Raises:
         ValueError: It is not a command line, or its program does not exist.
     """
-    words = tuple(shlex.split(text))
+    words = tuple(split_command(text))
     if not words or not shutil.which(words[0]):
         raise ValueError(UserMessage("{text!r}: there is no such program", text=text))
     return words

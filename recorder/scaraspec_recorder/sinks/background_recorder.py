@@ -3,7 +3,6 @@
 The program writes to a spool; a writer process writes the files. The program waits only at the end.
 """
 
-import shutil
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ from scaraspec_recorder.child_process import spawn
 from scaraspec_recorder.sinks import sink_runner
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE
 from scaraspec_recorder.sinks.sink import SinkFactory, SinkFailed
-from scaraspec_recorder.spool.locks import locked_spool
+from scaraspec_recorder.spool.locks import locked_spool, remove_spool
 from scaraspec_recorder.spool.records import stream_number
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, stall_of
 
@@ -84,7 +83,7 @@ class BackgroundRecorder:
                 stall = stall_of(read_checkpoint(self._spool))
                 self._writer_process.kill()
                 raise SinkFailed(stall.reason if stall else "the writer process does not end")
-            shutil.rmtree(self._spool)
+            remove_spool(self._spool)
 
     def _call_later(self, delay_s: float, act: Callable[[], None]) -> None:
         """Run a callback at the first event after the delay."""

@@ -5,12 +5,12 @@ The first bytes of the content decide. Nothing here reads packets.
 
 import gzip
 import io
-import shlex
 from pathlib import Path
 from typing import Any, BinaryIO, Final, cast
 
 import zstandard
 
+from scaraspec.operating_system import join_command
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
@@ -69,7 +69,7 @@ def open_content(path: Path, raw: io.BufferedReader) -> io.BufferedReader:
 
 def _describe(path: Path, head: bytes, decompressor: str) -> str:
     """Return what a file is, and how to convert it."""
-    quoted = shlex.quote(f"{path}")
+    quoted = join_command([f"{path}"])
     packets = [name for magic, name in _PACKET_FORMATS.items() if head.startswith(magic)]
     packed = [tool for magic, tool in _COMPRESSED.items() if head.startswith(magic)]
     if head.startswith(MAGIC):
@@ -87,7 +87,7 @@ def _describe(path: Path, head: bytes, decompressor: str) -> str:
             path=path,
             name=packets[0] if packets else "an ERF file",
             quoted=quoted,
-            target=shlex.quote(f"{path.with_suffix('.pcapng')}"),
+            target=join_command([f"{path.with_suffix('.pcapng')}"]),
         )
     return UserMessage("{path} is not a capture: neither MCAP, pcap nor pcapng", path=path)
 

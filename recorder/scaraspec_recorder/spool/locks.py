@@ -7,6 +7,7 @@ import hashlib
 import os
 import shutil
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -15,9 +16,14 @@ from typing import Final
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, READER_LOCK, lock, unread_bytes
 
-_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files are created in an own folder with mode 0700
+_MEMORY: Final = Path(
+    "/dev/shm"  # noqa: S108 - files are created in an own folder with mode 0700
+    if sys.platform != "win32"
+    else "//./none"  # no such folder, also where Windows is emulated on another system
+)
 _PREFIX: Final = "scaraspec-"
 _LOCK: Final = "recorder.lock"
+_LOCKS: Final = (_LOCK, READER_LOCK)
 
 
 def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES, *, durable: bool = False) -> Path:
@@ -89,6 +95,29 @@ def lock_spool(spool: Path) -> int:
         spool.mkdir(mode=0o700, exist_ok=True)
 
 
+def remove_spool(spool: Path) -> None:
+    """Remove a spool that this process has locked; on Windows, without its lock files.
+
+    Raises:
+        OSError: A file cannot be removed.
+    """
+    if sys.platform == "win32":
+        for path in spool.iterdir():
+            if path.name not in _LOCKS:
+                path.unlink()
+    else:
+        shutil.rmtree(spool)
+
+
+def release_spool(spool: Path, held: int) -> None:
+    """Release the lock of a spool. On Windows, also remove the lock files of a removed spool."""
+    os.close(held)
+    if sys.platform == "win32":  # no open file can be removed there
+        with suppress(OSError):  # it was not removed, or another process has just opened it
+            if all(path.name in _LOCKS for path in spool.iterdir()):
+                shutil.rmtree(spool)
+
+
 def was_removed(spool: Path) -> bool:
     """Whether another process has removed a spool that this process has locked."""
     return not (spool / _LOCK).exists()
@@ -111,7 +140,7 @@ def locked_spool(out_dir: Path, limit_bytes: int, *, durable: bool = False) -> I
     try:
         yield spool
     finally:
-        os.close(held)
+        release_spool(spool, held)
 
 
 def remove_abandoned_spools() -> None:

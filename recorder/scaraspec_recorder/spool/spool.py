@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
+from scaraspec.operating_system import replace_file
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.spool import mark_requests
 from scaraspec_recorder.spool.durability import sync
@@ -64,17 +65,29 @@ def lock(path: Path, *, wait: bool) -> int:
         BlockingIOError: Another process has the lock, and `wait` is false.
     """
     descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
-    if (
-        sys.platform != "win32"
-    ):  # Windows has no flock: two recorders in one folder are not detected
-        import fcntl  # noqa: PLC0415 - absent on Windows
-
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(descriptor)
-            raise
+    try:
+        _lock(descriptor, wait=wait)
+    except OSError:
+        os.close(descriptor)
+        raise
     return descriptor
+
+
+def _lock(descriptor: int, *, wait: bool) -> None:
+    if sys.platform == "win32":
+        import msvcrt  # noqa: PLC0415 - exists only on Windows
+
+        while True:
+            try:
+                msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+            except OSError:
+                if not wait:
+                    raise BlockingIOError from None
+            else:  # LK_LOCK gives up after ten seconds
+                return
+    import fcntl  # noqa: PLC0415 - absent on Windows
+
+    fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class WriteStall(NamedTuple):
@@ -438,7 +451,7 @@ def _write_checkpoint(
     temporary.write_text(json.dumps(checkpoint), "utf-8")
     if durable:
         sync((temporary,))
-    temporary.replace(directory / _CHECKPOINT)
+    replace_file(temporary, directory / _CHECKPOINT)
     if durable:
         sync((directory,))
 

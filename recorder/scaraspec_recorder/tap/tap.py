@@ -135,9 +135,13 @@ class Tap:
 
 
 def new_event_loop() -> asyncio.AbstractEventLoop:
-    """Return an event loop of uvloop, which is faster; on Windows, one of asyncio."""
+    """Return an event loop of uvloop, which is faster; on Windows, one of asyncio.
+
+    The usual event loop of Windows binds a listening socket to its process, so that a restarted
+    process could not use it.
+    """
     if sys.platform == "win32":
-        return asyncio.new_event_loop()
+        return asyncio.SelectorEventLoop()
     import uvloop  # noqa: PLC0415 - absent on Windows
 
     return uvloop.new_event_loop()

@@ -1,7 +1,6 @@
 """Options, errors and output that both certifications share."""
 
 import os
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -33,6 +32,7 @@ from scaraspec.cli.results import results_in
 from scaraspec.cli.verify import show
 from scaraspec.cli.vocabulary import WORDS
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.operating_system import join_command
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
@@ -256,7 +256,7 @@ def reproduction(context: click.Context, url: str = "") -> str:
     """
     words = ["scaraspec", "certify", *([context.info_name] if context.info_name else []), url]
     options = given_options(context, without=_NOT_REPEATED, always=("seed",))
-    return shlex.join([*filter(None, words), *options])
+    return join_command([*filter(None, words), *options])
 
 
 _FIXED: Final = {

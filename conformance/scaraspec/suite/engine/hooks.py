@@ -3,7 +3,6 @@
 The ICS names them. They run without a shell and with a timeout.
 """
 
-import shlex
 import shutil
 import string
 import subprocess
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
 
+from scaraspec.operating_system import split_command
 from scaraspec.user_message import UserMessage
 
 HOOKS: Final[Mapping[str, str]] = MappingProxyType(
@@ -155,7 +155,7 @@ class CommandHook:
             HookError: The command line is not valid, or has another placeholder.
         """
         try:
-            return [word.format(**values) for word in shlex.split(self.command)]
+            return [word.format(**values) for word in split_command(self.command)]
         except (LookupError, AttributeError, ValueError) as error:
             raise HookError(
                 UserMessage(

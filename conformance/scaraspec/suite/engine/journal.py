@@ -19,7 +19,13 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
+from scaraspec.operating_system import (
+    LockedError,
+    locked,
+    make_private_folder,
+    open_private,
+    replace_file,
+)
 from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.user_message import UserMessage
 
@@ -200,7 +206,7 @@ class Journal:
         if self.path:
             self.close()  # Windows renames no open file
             try:
-                fresh.replace(self.path)
+                replace_file(fresh, self.path)
             except OSError as error:
                 raise self._unwritable(error) from None
             self._open(self.path, os.O_APPEND)

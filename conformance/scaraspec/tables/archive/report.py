@@ -1,11 +1,11 @@
 """The report of an archive: one page about many robots. The layout is in the template."""
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import Any, Final, NamedTuple
 
+from scaraspec.operating_system import join_command
 from scaraspec.report.html import environment
 from scaraspec.tables.archive.query import opened
 from scaraspec.tables.archive.store import Store
@@ -66,7 +66,7 @@ class FindingKind:
     def view(self) -> str:
         """The command that shows the moment in the viewer."""
         at = ["--at", f"{self.first:%Y-%m-%dT%H:%M:%S.%f}"] if self.first else []
-        return shlex.join(["scaraspec", "view", self.file, *at])
+        return join_command(["scaraspec", "view", self.file, *at])
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,15 +8,16 @@ stopped together with it. The expected answer is not known here and is never sen
 import json
 import os
 import selectors
-import shlex
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections import deque
 from contextlib import suppress
 from typing import IO, Any, Final
 
+from scaraspec.operating_system import split_command
 from scaraspec.protocol.fields import show
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.user_message import UserMessage
@@ -140,12 +141,17 @@ class Driver:
     # ------------------------------------------------------------------ process
 
     def _start(self) -> None:
+        if sys.platform == "win32":
+            raise DriverError(
+                "a client is certified on Linux and macOS only: Windows cannot wait for a driver "
+                "and a connection at once"
+            )
         if not self._command.strip():
             raise DriverError("the driver cannot be started: no program is named")
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process runs
         try:
             self._process = subprocess.Popen(  # noqa: S603 - the tester's own command, without a shell
-                shlex.split(self._command),
+                split_command(self._command),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._stderr,
