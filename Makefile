@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(2 * (os.cpu_count() or 1))')
 # The tests start many processes; without bytecode files each would compile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures test-tutorial check bench soak trust site pictures prove spec messages format lock wheel clean
+.PHONY: demo test test-fast test-runs test-lowest test-kill test-faults test-net test-net-full test-browser test-viewer test-wireshark test-archive test-captures test-tutorial check bench soak trust site pictures prove spec messages format lock wheel clean test-windows wheelhouse release licences
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -97,6 +97,16 @@ test-wireshark: $(READY)
 	@command -v tshark >/dev/null || { echo "make $@ needs tshark, which is not installed" >&2; exit 1; }
 	$(BIN)/pytest -m wireshark conformance/tests/dissectors
 
+# Each command in a Windows CPython under Wine, which is set up in .wine (CONTRIBUTING.md).
+test-windows: export SCARASPEC_WINE := $(CURDIR)/.wine
+test-windows: wheel
+	@for tool in wine mvn script; do command -v $$tool >/dev/null || \
+	  { echo "make $@ needs Wine, Maven and script: $$tool is not installed" >&2; exit 1; }; done
+	rm -rf .wine/wheels
+	$(MAKE) --no-print-directory wheelhouse PLATFORM=windows WHEELS=.wine/wheels
+	conformance/tests/windows/set_up.sh $(SCARASPEC_WINE) $(SCARASPEC_WINE)/wheels
+	$(BIN)/pytest -m windows conformance/tests/windows
+
 # Tests of archives on an S3 server with Dask workers, all on loopback.
 test-archive: $(READY)
 	$(BIN)/pytest -m archive conformance/tests/cli
@@ -169,9 +179,27 @@ format: $(READY)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+# Builds, checks and installs a release; publishes nothing.
+release: $(READY)
+	PYTHON=$(CURDIR)/$(BIN)/python ci/release/release.sh
+
+# Writes docs/licences.md from the installed packages.
+licences: $(READY)
+	$(BIN)/python ci/release/licences.py
+
 wheel: $(READY)
 	rm -rf dist
 	$(BIN)/python -m build --no-isolation --wheel
+
+# A folder with everything that a machine without internet needs: `make wheelhouse PLATFORM=windows`.
+PLATFORM ?= linux
+PLATFORM_PYTHON ?= 3.12
+EXTRAS ?= pcap,serial
+WHEELS ?= dist/wheels-$(PLATFORM)
+wheelhouse: wheel
+	$(BIN)/pip install --quiet uv
+	$(BIN)/python ci/release/wheelhouse.py dist/scaraspec-*.whl --platform $(PLATFORM) \
+	  --python $(PLATFORM_PYTHON) --extras $(EXTRAS) --out $(WHEELS)
 
 # Updates the lock file, only on request; it contains versions and hashes, and no index.
 lock: $(READY)

@@ -10,6 +10,7 @@ import sys
 import traceback
 
 import click
+from click.shell_completion import CompletionItem
 
 from scaraspec.cli.help import LocalizedContext, in_display_language
 from scaraspec.cli.options import language_option
@@ -55,9 +56,16 @@ COMMANDS = {
 
 
 class _Lazy(click.Group):
-    """A group that imports a command only when it is called."""
+    """A group that imports a command only when it is called; completion imports none."""
 
     context_class = LocalizedContext
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        found = click.Command.shell_complete(self, ctx, incomplete)  # the options
+        names = () if incomplete.startswith("-") else COMMANDS.items()
+        return found + [
+            CompletionItem(name, help=localized(text)) for name, text in names if name.startswith(incomplete)
+        ]
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         return list(COMMANDS)
@@ -90,8 +98,23 @@ class _Lazy(click.Group):
             formatter.write_dl([(name, localized(text)) for name, text in COMMANDS.items()])
 
 
+def _print_version(ctx: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001 - click's signature
+    if asked:
+        from scaraspec.version import version_text  # noqa: PLC0415 - only this option needs it
+
+        click.echo(f"scaraspec, version {version_text()}")
+        ctx.exit()
+
+
 @click.command(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="scaraspec", prog_name="scaraspec")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Show the version and exit.",
+)
 @language_option
 def group() -> None:
     """Certify, record and gate UISR4200S robot traffic.

@@ -21,6 +21,7 @@ from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import NO_VIEWER, open_viewer
 from scaraspec.client import Client, ClientError
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.operating_system import join_command
 from scaraspec.report import html, terminal
 from scaraspec.translation import localized
 from scaraspec.transports.url import join_host_port, split_host_port
@@ -138,7 +139,7 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
 
 def _next_steps(out: Path) -> None:
     """Print what can be done with the files."""
-    recorded = out / "capture.mcap"
+    recorded = join_command([str(out / "capture.mcap")])
     click.echo(localized("\n{path}  the report; open it in a browser", path=out / "report.html"))
     if (out / "capture.rrd").exists():
         text = "scaraspec view {path}  shows the session in the viewer"
