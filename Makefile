@@ -181,11 +181,11 @@ format: $(READY)
 
 # Builds, checks and installs a release; publishes nothing.
 release: $(READY)
-	PYTHON=$(CURDIR)/$(BIN)/python ci/release/release.sh
+	PYTHON=$(CURDIR)/$(BIN)/python release/release.sh
 
 # Writes docs/licences.md from the installed packages.
 licences: $(READY)
-	$(BIN)/python ci/release/licences.py
+	$(BIN)/python release/licences.py
 
 wheel: $(READY)
 	rm -rf dist
@@ -198,7 +198,7 @@ EXTRAS ?= pcap,serial
 WHEELS ?= dist/wheels-$(PLATFORM)
 wheelhouse: wheel
 	$(BIN)/pip install --quiet uv
-	$(BIN)/python ci/release/wheelhouse.py dist/scaraspec-*.whl --platform $(PLATFORM) \
+	$(BIN)/python release/wheelhouse.py dist/scaraspec-*.whl --platform $(PLATFORM) \
 	  --python $(PLATFORM_PYTHON) --extras $(EXTRAS) --out $(WHEELS)
 
 # Updates the lock file, only on request; it contains versions and hashes, and no index.

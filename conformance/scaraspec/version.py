@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 _PACKAGE: Final = Path(__file__).parent
-_BUILT: Final = _PACKAGE / "_commit.txt"  # written by ci/release/build_hook.py
+_BUILT: Final = _PACKAGE / "_commit.txt"  # written by release/build_hook.py
 _TIMEOUT_S: Final = 5.0
 
 

@@ -27,9 +27,12 @@ _COMPLAINT = str(ROOT / "fixtures/captures/field/complaint-1.pcapng")
 def light(tmp_path: Path) -> dict[str, str]:
     """The environment of processes that have no module of an extra."""
     (tmp_path / "sitecustomize.py").write_text(
-        "import sys\n"
-        f"for name in {_EXTRA_MODULES!r}:\n"
-        "    sys.modules[name] = None  # the import fails as if it were not installed\n"
+        "from importlib.machinery import PathFinder\n"
+        "find = PathFinder.find_spec\n"
+        "def find_spec(name, path=None, target=None):\n"
+        f"    missing = name.partition('.')[0] in {_EXTRA_MODULES!r}\n"
+        "    return None if missing else find(name, path, target)\n"
+        "PathFinder.find_spec = find_spec\n"
     )
     path = f"{tmp_path}:{ROOT / 'conformance'}:{ROOT / 'recorder'}"
     return os.environ | {"PYTHONPATH": path, "SCARASPEC_STATE": str(tmp_path / "state")}

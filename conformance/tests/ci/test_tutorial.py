@@ -28,7 +28,7 @@ _BLOCK = re.compile(
 )
 _TIMEOUT_S = 120
 PROGRAMS = {
-    "pip": '#!/bin/sh\n[ "$*" = "install scaraspec==0.2.0" ]\n',
+    "pip": '#!/bin/sh\n[ "$*" = "install scaraspec==0.3.0" ]\n',
     "scaraspec": f"""#!{sys.executable}
 import sys
 sys.modules["rerun"] = None

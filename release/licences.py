@@ -13,11 +13,11 @@ from typing import Final
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-_PAGE: Final = Path(__file__).parents[2] / "docs/licences.md"
+_PAGE: Final = Path(__file__).parents[1] / "docs/licences.md"
 _TEXT: Final = """\
 # Licences
 
-scaraspec is licensed under Apache-2.0 ([LICENSE](../LICENSE)). `python ci/release/licences.py`
+scaraspec is licensed under Apache-2.0 ([LICENSE](../LICENSE)). `python release/licences.py`
 writes this page from the metadata of the installed packages, on Linux. On Windows, colorama
 (BSD-3-Clause) is installed instead of uvloop.
 

@@ -1,6 +1,6 @@
 """Fills a folder with scaraspec and all packages that it needs, for machines without internet.
 
-    python ci/release/wheelhouse.py dist/scaraspec-*.whl --platform windows --out wheels
+    python release/wheelhouse.py dist/scaraspec-*.whl --platform windows --out wheels
 
 On the other machine: ``pip install --no-index --find-links wheels scaraspec``. The versions are
 those of requirements.lock, with which scaraspec is tested.
@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-_LOCK: Final = Path(__file__).parents[2] / "requirements.lock"
+_LOCK: Final = Path(__file__).parents[1] / "requirements.lock"
 
 _GLIBC: Final = ("2_34", "2_28", "2_27", "2_26", "2_24", "2_17", "2_12", "2_5")
 _PLATFORMS: Final = {

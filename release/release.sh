@@ -2,7 +2,7 @@
 # Builds the sdist and the wheel of a release into dist/, checks them, and installs the wheel in an
 # empty environment. It publishes nothing. The packages for it come from the index of pip.
 set -euo pipefail
-cd "$(dirname "$0")/../.."
+cd "$(dirname "$0")/.."
 
 if [ -n "$(git status --porcelain)" ]; then
   echo "the checkout has changes: commit them first" >&2
