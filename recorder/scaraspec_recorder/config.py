@@ -241,15 +241,8 @@ def _check_effects(robot: RobotConfig, prefix: str) -> None:
     Raises:
         ConfigError: A setting needs another one.
     """
-    if sys.platform == "win32":
-        for key, used in (
-            ("durable", robot.durable),
-            ("timestamps=kernel", robot.timestamps is TimestampSource.KERNEL),
-        ):
-            if used:
-                raise ConfigError(
-                    UserMessage("{prefix}{key} needs a POSIX system", prefix=prefix, key=key)
-                )
+    if robot.durable and sys.platform == "win32":
+        raise ConfigError(UserMessage("{prefix}durable needs a POSIX system", prefix=prefix))
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(
             UserMessage("{prefix}i-mean-it has no effect without inject: remove it", prefix=prefix)

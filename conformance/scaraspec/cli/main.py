@@ -64,7 +64,9 @@ class _Lazy(click.Group):
         found = click.Command.shell_complete(self, ctx, incomplete)  # the options
         names = () if incomplete.startswith("-") else COMMANDS.items()
         return found + [
-            CompletionItem(name, help=localized(text)) for name, text in names if name.startswith(incomplete)
+            CompletionItem(name, help=localized(text))
+            for name, text in names
+            if name.startswith(incomplete)
         ]
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature

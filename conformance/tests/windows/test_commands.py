@@ -156,7 +156,6 @@ def test_two_recorders_do_not_share_a_folder(windows: Windows, linux_controller:
         (("record", "tcp://127.0.0.1:9", "--mode", "redirect"), "only on Linux"),
         (("record", "tcp://127.0.0.1:9", "--mode", "tproxy"), "only on Linux"),
         (("record", "tcp://127.0.0.1:9", "--durable"), "durable needs a POSIX system"),
-        (("record", "tcp://127.0.0.1:9", "--timestamps", "kernel"), "kernel needs a POSIX system"),
         (("controller", "--serial", "COM9", "--listen", "127.0.0.1:0"), "POSIX systems only"),
         (("client-driver",), "Linux and macOS only"),
         (("certify", "client", "--driver", "any.exe"), "Linux and macOS only"),
