@@ -104,7 +104,7 @@ def _print_version(ctx: click.Context, _option: click.Parameter, asked: bool) ->
     if asked:
         from scaraspec.version import version_text  # noqa: PLC0415 - only this option needs it
 
-        click.echo(f"scaraspec, version {version_text()}")
+        click.echo(localized("scaraspec, version {version}", version=version_text()))
         ctx.exit()
 
 
