@@ -21,6 +21,7 @@ _PRIVATE_FOLDER = 0o700
 _PRIVATE_FILE = 0o600
 _PRIMARY_LANGUAGE = 0x3FF  # of a Windows language identifier
 _WINDOWS_CHINESE = 0x04
+_CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 1  # of SetThreadExecutionState
 _REPLACE_S: Final = 1.0
 _RETRY_S: Final = 0.01
 
@@ -157,6 +158,22 @@ def on_ending_signals(loop: "asyncio.AbstractEventLoop", end: Callable[[int], No
             signal.signal(number, lambda given, _: loop.call_soon_threadsafe(end, given))
         else:
             loop.add_signal_handler(number, end, number)
+
+
+@contextmanager
+def kept_awake() -> Iterator[None]:
+    """Keep Windows from going to sleep because no user is active. Other systems do not."""
+    if sys.platform == "win32":
+        import ctypes  # noqa: PLC0415 - needed on Windows only
+
+        kernel = ctypes.CDLL("kernel32")
+        kernel.SetThreadExecutionState(_CONTINUOUS | _SYSTEM_REQUIRED)
+        try:
+            yield
+        finally:
+            kernel.SetThreadExecutionState(_CONTINUOUS)
+    else:
+        yield
 
 
 def user_locale() -> str:

@@ -21,7 +21,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import open_viewer
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.operating_system import on_ending_signals
+from scaraspec.operating_system import kept_awake, on_ending_signals
 from scaraspec.translation import localized
 from scaraspec.transports.url import (
     Serial,
@@ -162,7 +162,11 @@ def command(url: str | None, **options: Any) -> None:
             RecordingPlan.of(robot)  # all errors before anything starts
         viewer = open_viewer() if options["live"] else None
         watches: list[StatusReader] = []
-        with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
+        with (
+            kept_awake(),
+            _metrics(options["metrics"], watches),
+            contextlib.suppress(KeyboardInterrupt),
+        ):
             asyncio.run(_record(robots, viewer, watches))
     except (ConfigError, UrlError) as error:
         raise Problem(sentence_of(error)) from None

@@ -7,6 +7,7 @@ import socket
 import subprocess
 from configparser import ConfigParser
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -60,6 +61,16 @@ def test_the_health_of_a_recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     reader.acknowledge({"progress": progress})
     assert health_problems(out) == ["McapSink is disabled"]
     reader.close()
+
+
+def test_the_documented_task_of_windows() -> None:
+    """It has no time limit, starts again after a failure, and reads a configuration."""
+    task = ET.parse(DOCS / "windows-task" / "scaraspec-record.xml")
+    texts = {element.tag.partition("}")[2]: element.text for element in task.iter()}
+    assert (texts["ExecutionTimeLimit"], texts["Interval"]) == ("PT0S", "PT1M")
+    folder = texts["WorkingDirectory"]
+    assert texts["Arguments"] == f"record --config {folder}\\record.toml"
+    assert f"`{folder}\\record.toml`" in (DOCS / "windows.md").read_text("utf-8")
 
 
 def test_the_documented_service() -> None:
