@@ -45,7 +45,7 @@ def test_a_client_that_refuses(sitting: Sitting) -> None:
     types("y\n")
     attended.pump()
     assert call.answer is None
-    assert read[-1] == f"{HELP}\nnow: delete_program with name = a"
+    assert read[-2:] == [HELP, "now: delete_program with name = a"]
     types("n\n")
     attended.pump()
     assert call.failed
