@@ -20,7 +20,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     ControllerUnderTest,
 )
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.requests.files import delete, send_chunk, upload
+from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 from scaraspec.suite.engine.unsupported_claims import answers
@@ -31,7 +31,7 @@ from scaraspec.suite.program_files.writing import wait_program
 _FURTHER: Final = 6
 """How many more clients the cases connect at the same time."""
 _LISTED: Final = "4.10/11"
-_FILES: Final = ("upload_name", "upload_chunk", "delete_program")
+_INITIAL: Final = ("get_initial_tool_position", "set_initial_tool_position")
 _TOO_MANY_FIELDS: Final = b"|".join([b"0"] * 12)
 _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
@@ -135,15 +135,11 @@ def _max_clients(subject: ControllerUnderTest) -> str | None:
 def _refuses_second_client(first: OutgoingConnection, second: OutgoingConnection) -> bool:
     """Whether the second client is refused what the first one may do (A-2-2)."""
     subject = first.subject
-    if _STATE not in subject.allowed or not subject.ics.unsupported.isdisjoint(_FILES):
+    if _STATE not in subject.allowed or not subject.ics.unsupported.isdisjoint(_INITIAL):
         return False
-    for line in (second, first):
-        name = subject.new_name()
-        if line.ask("upload_name", data=name).accepted:
-            send_chunk(line, Chunk(1, 0, 1, b"!"))
-            delete(line, name)
-            return line is first
-    return False
+    get, change = _INITIAL
+    present = first.ask(get).value
+    return not second.ask(change, present).accepted and bool(first.ask(change, present).accepted)
 
 
 def _prelogin(subject: ControllerUnderTest) -> str | None:
