@@ -6,6 +6,7 @@ that a terminal or a service manager sends to all processes; only the recorder h
 """
 
 import asyncio
+import errno
 import logging
 import multiprocessing
 import os
@@ -29,6 +30,7 @@ MAX_RESTART_DELAY_S: Final = 5.0
 REPORTED_EXIT_STATUS: Final = 75
 """Exit status of a child that has already reported why it must be restarted."""
 
+_LACKS: Final = (errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 _SAFE_PATH: Final = "PYTHONSAFEPATH"
 _PROCESS_NAME: Final = Path("/proc/self/comm")  # the name that ps and top show
 
@@ -182,7 +184,10 @@ def _blocked_signals() -> Iterator[None]:
 
 
 def _child_main(name: str, run: Callable[..., None], *arguments: Any) -> None:
-    """Main function of a child: set its name in the process list, then run it."""
+    """Main function of a child: set its name in the process list, then run it.
+
+    A lack of files or memory is one sentence: the process is started again.
+    """
     with suppress(OSError):  # only Linux has such a file
         _PROCESS_NAME.write_text(f"scara-{name}")
     try:
@@ -191,6 +196,10 @@ def _child_main(name: str, run: Callable[..., None], *arguments: Any) -> None:
         if ended.code == REPORTED_EXIT_STATUS:  # immediately: a library's thread may never end
             os._exit(REPORTED_EXIT_STATUS)
         raise
+    except (OSError, MemoryError) as error:
+        if isinstance(error, OSError) and error.errno not in _LACKS:
+            raise
+        raise SystemExit(f"the {name} process cannot continue: {error or 'no memory'}") from None
 
 
 def _watch(process: "BaseProcess") -> asyncio.Future[Any]:

@@ -5,7 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from failing_child import fail_once
+import pytest
+
+from failing_child import fail_once, lack_files
 from scaraspec_recorder.child_process import ChildProcess
 
 FIRST = """
@@ -39,3 +41,20 @@ def test_a_child_that_reported_its_failure_does_not_wait_for_threads(tmp_path: P
         return await child.stop(30)
 
     assert asyncio.run(live())
+
+
+def test_a_child_without_files(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """It says so in one sentence and is started again."""
+
+    async def live() -> None:
+        child = ChildProcess("hungry", lack_files, tmp_path / "lives")
+        child.start()
+        assert child._supervisor
+        await asyncio.wait_for(asyncio.shield(child._supervisor), 30)
+        assert child.failures == 1
+        assert await child.stop(30)
+
+    asyncio.run(live())
+    printed = capfd.readouterr().err
+    assert "the hungry process cannot continue: [Errno 24] Too many open files\n" in printed
+    assert "Traceback" not in printed
