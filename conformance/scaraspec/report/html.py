@@ -44,6 +44,7 @@ _SIGNS: Final = {
 """Signs of the verdicts: a verdict is not shown by its colour alone."""
 
 _NS: Final = 1_000_000_000
+_MOST_ROWS_OF_RUN: Final = 100  # of each table; the capture of the run has all
 _MAX_TOP_LINES: Final = 5
 
 
@@ -78,7 +79,8 @@ def render(results: Results, language: Language | None = None) -> str:
             verdicts=[v for v in VERDICTS_BY_IMPORTANCE if results.counts.get(v)],
             session=session,
             latency=LatencyPlot(_by_opcode(session)) if session else None,
-            lanes=timeline(results, session) if session else {},
+            lanes=timeline(results, session) if session and not results.run else {},
+            most_rows=_MOST_ROWS_OF_RUN if results.run else None,
         )
     )
 

@@ -7,6 +7,7 @@ protocol over two pipes.
 import base64
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from typing import Any, Final
 
 import pytest
 
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report import html
 from scaraspec.report.model import Results
 
@@ -189,6 +191,32 @@ def test_hostile_text_has_no_effect(page_of: Any, hostile: Results) -> None:
     page = page_of(hostile)
     assert page.evaluate("document.scripts.length") == 1
     assert page.evaluate("document.querySelectorAll('img, iframe, object, svg a').length") == 0
+
+
+def test_the_language_is_remembered(page_of: Any, full: Results) -> None:
+    """The next page opens in the language that the reader has chosen."""
+    page = page_of(full)
+    assert page.evaluate("document.documentElement.lang") == "en"
+    page.evaluate("document.querySelector('[data-switch=zh]').click()")
+    assert page_of(full).evaluate("document.documentElement.lang") == "zh"
+
+
+def test_a_long_report_is_printed_on_few_pages(page_of: Any, full: Results, tmp_path: Path) -> None:
+    """Cases that passed or did not run are listed by their ids."""
+    passed, skipped = (
+        next(case for case in full.cases if case.verdict is verdict)
+        for verdict in (Verdict.PASS, Verdict.NONE)
+    )
+    cases = [
+        replace(each, id=f"4.{number}/1")
+        for number in range(500)
+        for each in ((passed, skipped) if number < 30 else (passed,))
+    ]
+    long = replace(full, cases=(*full.cases, *cases))
+    html.write(long, tmp_path / "long.html")
+    assert (tmp_path / "long.html").stat().st_size < 1_000_000
+    printed = base64.b64decode(page_of(long).do("Page.printToPDF")["data"])
+    assert 1 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= 15
 
 
 def test_page_width_and_print(page_of: Any, full: Results) -> None:

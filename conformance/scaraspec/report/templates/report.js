@@ -1,6 +1,7 @@
 // Language switch, search, filters and keyboard navigation; the page is readable without it.
 "use strict";
 {
+  const STORED_LANGUAGE = "scaraspec.language";
   const root = document.documentElement;
   const buttons = [...document.querySelectorAll("[data-switch]")];
   const cases = [...document.querySelectorAll(".case")];
@@ -53,7 +54,24 @@
     element.scrollIntoView();
   }
 
-  for (const button of buttons) button.addEventListener("click", () => setLanguage(button.dataset.switch));
+  // A browser may refuse to store anything for a local file.
+  function rememberedLanguage() {
+    try {
+      const language = localStorage.getItem(STORED_LANGUAGE);
+      return ["en", "zh"].includes(language) ? language : root.dataset.language;
+    } catch {
+      return root.dataset.language;
+    }
+  }
+
+  function chooseLanguage(language) {
+    setLanguage(language);
+    try {
+      localStorage.setItem(STORED_LANGUAGE, language);
+    } catch {}
+  }
+
+  for (const button of buttons) button.addEventListener("click", () => chooseLanguage(button.dataset.switch));
   if (search) {
     search.addEventListener("input", applyFilters);
     for (const box of filters) box.addEventListener("change", applyFilters);
@@ -78,13 +96,13 @@
 
   let opened = [];
   addEventListener("beforeprint", () => {
-    opened = cases.filter((element) => !element.open && element.dataset.verdict !== "pass");
+    opened = cases.filter((element) => !element.open && !["pass", "none"].includes(element.dataset.verdict));
     for (const element of opened) element.open = true;
   });
   addEventListener("afterprint", () => {
     for (const element of opened) element.open = false;
   });
   addEventListener("hashchange", openLinkedCase);
-  setLanguage(root.dataset.language);
+  setLanguage(rememberedLanguage());
   openLinkedCase();
 }
