@@ -21,9 +21,6 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.fault_injection.injection_file import load_injection
 from scaraspec_recorder.fault_injection.rules import Injection
-from scaraspec_recorder.recordings.archive import Archive, archive_sink
-from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.recordings.recovery import sink_after_repair
 from scaraspec_recorder.recordings.rotation import RotationPolicy, parse_rotation
 from scaraspec_recorder.recordings.trigger_command import parse_command
 from scaraspec_recorder.recordings.triggers import parse_trigger
@@ -131,6 +128,17 @@ class RobotConfig:
             draw: Whether .rrd files can be written.
             needs_login: False for a serial link (L83).
         """
+        from scaraspec_recorder.recordings.archive import (  # noqa: PLC0415 - the MCAP library
+            Archive,
+            archive_sink,
+        )
+        from scaraspec_recorder.recordings.capture import (  # noqa: PLC0415 - the MCAP library
+            capture_sink,
+        )
+        from scaraspec_recorder.recordings.recovery import (  # noqa: PLC0415 - the MCAP library
+            sink_after_repair,
+        )
+
         draw = draw and not self.no_rrd
         if not (self.rotate or self.keep or self.min_free_bytes or self.archive):
             make = partial(

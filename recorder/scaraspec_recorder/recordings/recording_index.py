@@ -25,14 +25,12 @@ from scaraspec_recorder.recordings.recording_stats import (
     RecordingSummary,
 )
 from scaraspec_recorder.recordings.repair import incomplete_rrd, is_full, repair
-from scaraspec_recorder.sinks.file_names import is_recording_name
+from scaraspec_recorder.sinks.file_names import INDEX_NAME, is_recording_name
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.schemas import foxglove
 from scaraspec_recorder.sinks.own_files import REBUILT, is_own, temporary_file
 from scaraspec_recorder.sources.mcap_reader import RawLayerReader
 from scaraspec_recorder.sources.mcap_records import McapSummary, read_records
-
-FILE_NAME: Final = "contents.jsonl"
 
 _KEPT_REMOVALS: Final = 10_000
 _MAX_LINE_BYTES: Final = 1 << 24
@@ -58,7 +56,7 @@ class RecordingIndex:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.entries: dict[str, RecordingSummary] = {}
-        self._path = folder / FILE_NAME
+        self._path = folder / INDEX_NAME
         self._saved = self._path.exists()
         self._unsaved: list[dict[str, Any]] = []
         self._unrepaired: list[Path] = []
@@ -174,7 +172,7 @@ def listed_recordings(folder: Path) -> dict[str, RecordingSummary]:
         OSError: The index cannot be read.
     """
     entries: dict[str, RecordingSummary] = {}
-    for line in filter(None, _lines(folder / FILE_NAME)):
+    for line in filter(None, _lines(folder / INDEX_NAME)):
         _apply(line, entries)
     return entries
 

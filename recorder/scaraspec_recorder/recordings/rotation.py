@@ -11,20 +11,22 @@ takes time and thousands of short connections must not delay writing.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.recordings.recording_files import RecordingFiles, RecordingFolder
 from scaraspec_recorder.sinks.decoder import Item, judge_summary
 from scaraspec_recorder.sinks.open_connections import OpenConnections
 from scaraspec_recorder.sinks.sink import TICK_NS
 from scaraspec_recorder.sinks.text import LogLine
 from scaraspec_recorder.spool.records import UNREACHABLE
 from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError, parse_limits
+
+if TYPE_CHECKING:
+    from scaraspec_recorder.recordings.recording_files import RecordingFiles, RecordingFolder
 
 MAX_WAIT_TICKS: Final = 4
 """Maximum number of ticks to wait for a reply before a file ends."""
@@ -77,7 +79,7 @@ class Rotation:
     """
 
     def __init__(
-        self, recording_folder: RecordingFolder, judge: Judge, rotation: RotationPolicy
+        self, recording_folder: "RecordingFolder", judge: Judge, rotation: RotationPolicy
     ) -> None:
         self._folder = recording_folder
         self._judge = judge
@@ -171,7 +173,7 @@ class Rotation:
         """Whether files end with connections and no connection is open."""
         return self._rotate.each_connection and not self._links
 
-    def _current(self, time_ns: int) -> RecordingFiles:
+    def _current(self, time_ns: int) -> "RecordingFiles":
         """Return the current file; create one with this time if there is none."""
         if not self._files:
             self._files, self._first_ns = self._folder.create(time_ns), time_ns

@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Final
 
 from scaraspec_recorder.child_process import end_of, ignore_signals, spawn
-from scaraspec_recorder.recordings import recording_index
-from scaraspec_recorder.recordings.recording_index import listed_recordings
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.recordings.upload_log import UploadLog, UploadState, forget_state
 from scaraspec_recorder.recordings.upload_store import (
@@ -28,6 +26,7 @@ from scaraspec_recorder.recordings.upload_store import (
     robot_of,
     without_secrets,
 )
+from scaraspec_recorder.sinks.file_names import INDEX_NAME
 from scaraspec_recorder.sinks.own_files import PRIVATE_MODE, umask_of
 from scaraspec_recorder.spool.spool import lock
 from scaraspec_recorder.units import SECOND_NS
@@ -124,7 +123,7 @@ class Uploader:
     def _index_stamp(self) -> object:
         """Return what changes with the index; None if there is none."""
         with suppress(OSError):
-            status = (self._folder / recording_index.FILE_NAME).stat()
+            status = (self._folder / INDEX_NAME).stat()
             return status.st_ino, status.st_size, status.st_mtime_ns
         return None
 
@@ -206,6 +205,10 @@ class _Uploads:
         Raises:
             Exception: An upload failed.
         """
+        from scaraspec_recorder.recordings.recording_index import (  # noqa: PLC0415 - the MCAP library
+            listed_recordings,
+        )
+
         listed = listed_recordings(self._folder)
         self._log.forget(listed)
         archived, failed = self._log.names(), self._state.failed

@@ -11,6 +11,9 @@ _NAME_BYTES: Final = 96  # with time and suffix, within the limits of file syste
 _UNSAFE: Final = re.compile(r"[^\w.]+")
 _FILE_NAME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d-\d\d-\d\dZ_[^/\\]+\.mcap")
 
+INDEX_NAME: Final = "contents.jsonl"
+"""The index of a folder of recordings."""
+
 
 def utc_time(time_ns: int) -> datetime:
     """Convert nanoseconds since the Unix epoch to UTC, in whole seconds."""

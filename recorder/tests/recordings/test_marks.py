@@ -17,11 +17,12 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, TriggerMarks, with_marks
-from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.rotation import parse_rotation
 from scaraspec_recorder.recordings.triggers import parse_trigger
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
 from scaraspec_recorder.sinks.decoder import Decoder, Item
+from scaraspec_recorder.sinks.file_names import INDEX_NAME
 from scaraspec_recorder.sinks.sink import OutputFolder
 from scaraspec_recorder.sinks.text import LogLine
 from scaraspec_recorder.sources.mcap_reader import read_mcap
@@ -226,7 +227,7 @@ def test_the_index_knows_the_marks(tmp_path: Path, talk: Any) -> None:
         index.save()
         (entry,) = index.entries.values()
         assert (entry.first_mark_ns, entry.last_mark_ns) == (times[0], times[-1])
-        (tmp_path / FILE_NAME).unlink()
+        (tmp_path / INDEX_NAME).unlink()
 
 
 def test_a_mark_is_in_the_file_of_its_event(tmp_path: Path, talk: Any) -> None:

@@ -20,10 +20,10 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings import recording_files
 from scaraspec_recorder.recordings.recording_files import RecordingFolder
-from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.rotation import Rotation, RotationPolicy
 from scaraspec_recorder.sinks.decoder import Decoder
-from scaraspec_recorder.sinks.file_names import file_stem, is_recording_name, safe_name
+from scaraspec_recorder.sinks.file_names import INDEX_NAME, file_stem, is_recording_name, safe_name
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.sink import OutputFolder
 
@@ -51,7 +51,7 @@ def record(folder: Path, events: Iterable[WireEvent], *, draw: bool = False) -> 
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
+    return [json.loads(line) for line in (folder / INDEX_NAME).read_text().splitlines()]
 
 
 def refuse(*_: object) -> None:
@@ -88,7 +88,7 @@ def test_content_of_an_entry(recorded: Path, shift: list[WireEvent]) -> None:
 def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes) -> None:
     """The files are sufficient for an index with the same content."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
-    (tmp_path / FILE_NAME).write_bytes(table)
+    (tmp_path / INDEX_NAME).write_bytes(table)
     RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == lines(recorded)
     assert not list(tmp_path.glob(".*"))
@@ -97,7 +97,7 @@ def test_a_damaged_index_is_rebuilt(recorded: Path, tmp_path: Path, table: bytes
 def test_a_deleted_index_is_rebuilt(recorded: Path, tmp_path: Path) -> None:
     """An index is also made if there never was one."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
-    (tmp_path / FILE_NAME).unlink()
+    (tmp_path / INDEX_NAME).unlink()
     RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == lines(recorded)
 
@@ -111,18 +111,18 @@ def test_an_index_truncated_anywhere_is_rebuilt(
     second = "2026-11-20T23-58-37Z_line-3.mcap"
     shutil.copy(tmp_path / NAME, tmp_path / second)
     RecordingIndex(tmp_path).save()
-    complete = (tmp_path / FILE_NAME).read_bytes()
+    complete = (tmp_path / INDEX_NAME).read_bytes()
     for size in (*range(complete.index(b"\n") + 1, len(complete), 97), len(complete) - 1):
-        (tmp_path / FILE_NAME).write_bytes(complete[:size])
+        (tmp_path / INDEX_NAME).write_bytes(complete[:size])
         RecordingIndex(tmp_path).save()
-        assert (tmp_path / FILE_NAME).read_bytes() == complete
+        assert (tmp_path / INDEX_NAME).read_bytes() == complete
 
 
 def test_a_correct_index_is_not_rewritten(recorded: Path) -> None:
     """The file is unchanged."""
-    before = (recorded / FILE_NAME).stat()
+    before = (recorded / INDEX_NAME).stat()
     RecordingIndex(recorded).save()
-    assert (recorded / FILE_NAME).stat() == before
+    assert (recorded / INDEX_NAME).stat() == before
 
 
 def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
@@ -132,7 +132,7 @@ def test_the_file_of_a_killed_recorder_is_repaired_and_listed(
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     capture = tmp_path / NAME
     capture.write_bytes(capture.read_bytes()[:-9])
-    (tmp_path / FILE_NAME).unlink()
+    (tmp_path / INDEX_NAME).unlink()
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
     (before,) = lines(recorded)
@@ -150,7 +150,7 @@ def test_an_incomplete_rrd_file_is_noted(
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
     drawn = (tmp_path / NAME).with_suffix(".rrd")
     drawn.write_bytes(drawn.read_bytes()[:-9])
-    (tmp_path / FILE_NAME).unlink()
+    (tmp_path / INDEX_NAME).unlink()
     RecordingIndex(tmp_path).save()
     (entry,) = lines(tmp_path)
     (note,) = entry["notes"]
@@ -171,7 +171,7 @@ def test_a_file_is_repaired_when_there_is_space(
     capture = tmp_path / NAME
     truncated = capture.read_bytes()[:-9]
     capture.write_bytes(truncated)
-    (tmp_path / FILE_NAME).unlink()
+    (tmp_path / INDEX_NAME).unlink()
     with monkeypatch.context() as full:
         full.setattr(Path, "replace", refuse)
         full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=free_bytes))
@@ -211,7 +211,7 @@ def test_a_symbolic_link_to_a_recording(recorded: Path, tmp_path: Path) -> None:
     """It is not listed, also if the index names it."""
     (tmp_path / NAME).symlink_to(recorded / NAME)
     assert RecordingIndex(tmp_path).entries == {}
-    shutil.copy(recorded / FILE_NAME, tmp_path)
+    shutil.copy(recorded / INDEX_NAME, tmp_path)
     assert RecordingIndex(tmp_path).entries == {}
 
 
@@ -270,7 +270,7 @@ def test_removals_are_kept(recorded: Path, tmp_path: Path) -> None:
     index.remove(NAME, 42, "older than 30 days")
     removal = {"removed": NAME, "time_ns": 42, "reason": "older than 30 days"}
     assert lines(tmp_path) == [*lines(recorded), removal]
-    with (tmp_path / FILE_NAME).open("ab") as file:
+    with (tmp_path / INDEX_NAME).open("ab") as file:
         file.write(b"torn")
     RecordingIndex(tmp_path).save()
     assert lines(tmp_path) == [removal]
@@ -282,7 +282,7 @@ def test_an_entry_with_foreign_files_is_ignored(tmp_path: Path, file: Any) -> No
     entry = {"name": NAME, "files": [NAME], "notes": [], "begin_ns": 0, "end_ns": 0}
     for key, value in (("files", [NAME, file]), ("name", file)):
         line = {**entry, "size_bytes": 7, key: value}
-        (tmp_path / FILE_NAME).write_text(json.dumps(line) + "\n")
+        (tmp_path / INDEX_NAME).write_text(json.dumps(line) + "\n")
         index = RecordingIndex(tmp_path)
         index.save()
         assert lines(tmp_path) == []
@@ -293,8 +293,8 @@ def test_a_full_disk_keeps_the_index(
 ) -> None:
     """It is replaced atomically."""
     shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
-    truncated = (tmp_path / FILE_NAME).read_bytes() + b"torn"
-    (tmp_path / FILE_NAME).write_bytes(truncated)
+    truncated = (tmp_path / INDEX_NAME).read_bytes() + b"torn"
+    (tmp_path / INDEX_NAME).write_bytes(truncated)
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -303,7 +303,7 @@ def test_a_full_disk_keeps_the_index(
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         index.save()
-    assert (tmp_path / FILE_NAME).read_bytes() == truncated
+    assert (tmp_path / INDEX_NAME).read_bytes() == truncated
 
 
 def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None:

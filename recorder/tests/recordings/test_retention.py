@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaraspec_recorder.recordings.recording_index import FILE_NAME, RecordingIndex
+from scaraspec_recorder.recordings.recording_index import RecordingIndex
 from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.recordings.retention import Retention
 from scaraspec_recorder.sinks.clock_watch import ClockWatch
+from scaraspec_recorder.sinks.file_names import INDEX_NAME
 from scaraspec_recorder.units import SECOND_NS, Limits, parse_limits
 
 HOUR_NS = 3600 * SECOND_NS
@@ -68,7 +69,7 @@ class Disk:
     @property
     def removed(self) -> list[tuple[str, str]]:
         """Return the removals in the index."""
-        table = (self.index.folder / FILE_NAME).read_text().splitlines()
+        table = (self.index.folder / INDEX_NAME).read_text().splitlines()
         lines = [json.loads(line) for line in table]
         return [(line["removed"], line["reason"]) for line in lines if "removed" in line]
 
