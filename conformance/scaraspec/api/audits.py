@@ -9,7 +9,6 @@ from glob import glob
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from scaraspec.api.auditing import audit, title_of
 from scaraspec.operating_system import join_command
 from scaraspec.report.model import Results
 from scaraspec.user_message import UserMessage, sentence_of
@@ -39,6 +38,8 @@ class AuditedCapture(NamedTuple):
     @property
     def title(self) -> str:
         """The files, in short."""
+        from scaraspec.api.auditing import title_of  # noqa: PLC0415 - imports the MCAP writer
+
         return title_of(self.files)
 
 
@@ -117,6 +118,8 @@ def audit_all(
 def _audited(
     files: tuple[Path, ...], arguments: Sequence[str], options: Mapping[str, Any]
 ) -> AuditedCapture:
+    from scaraspec.api.auditing import audit  # noqa: PLC0415 - imports the MCAP writer
+
     reproduction = join_command(["scaraspec", "audit", *map(str, files), *arguments])
     try:
         return AuditedCapture(files, *audit(files, reproduction=reproduction, **options))

@@ -7,13 +7,14 @@ seed of the certification chooses the mutants; the runs use the simulated clock.
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from scaraspec.api.proving import EVERYTHING, mutants, prove
 from scaraspec.judge.verdicts import Conclusion
-from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.report.model import Role
 from scaraspec.user_message import UserMessage
+
+if TYPE_CHECKING:
+    from scaraspec.mutants.kill_matrix import Proof
 
 MUTANTS: Final = 20
 """How many mutants a calibration tries."""
@@ -49,6 +50,8 @@ class Calibration:
 
 def chosen_mutants(role: Role, seed: int) -> list[str]:
     """Return the ids of the mutants that a seed chooses; equal on every machine."""
+    from scaraspec.api.proving import mutants  # noqa: PLC0415 - imports all mutants
+
     ids = [mutant.name for mutant in mutants(role)]
     ids.sort(key=lambda name: hashlib.sha256(f"{seed} {name}".encode()).digest())
     return ids[:MUTANTS]
@@ -59,7 +62,7 @@ def calibrate(
     seed: int,
     *,
     jobs: int = 1,
-    mutant_ends: Callable[[Proof], None] = lambda _proof: None,
+    mutant_ends: "Callable[[Proof], None]" = lambda _proof: None,
 ) -> Calibration:
     """Run the suite against the reference implementation and the mutants that a seed chooses.
 
@@ -73,6 +76,8 @@ def calibrate(
     Raises:
         KeyboardInterrupt: The user interrupted the calibration.
     """
+    from scaraspec.api.proving import EVERYTHING, prove  # noqa: PLC0415 - imports all mutants
+
     ids = chosen_mutants(role, seed)
     matrix = prove(role, EVERYTHING, ids=ids, quick=True, jobs=jobs, mutant_ends=mutant_ends)
     killers = {proof.fault: proof.killers for proof in matrix.proofs}

@@ -5,7 +5,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
-from scaraspec.api.auditing import audit, subject_of
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -134,6 +133,8 @@ class Capture:
 
         Findings about the side that is not the subject of the capture are omitted, as in `audit`.
         """
+        from scaraspec.api.auditing import subject_of  # noqa: PLC0415 - imports the MCAP writer
+
         role, claimed = subject_of(self._source)
         ics = self._ics or claimed
         scope = ics.scope(None if role is Role.CAPTURE else sending_direction(role))
@@ -196,6 +197,8 @@ def compare_captures(
     Raises:
         CaptureError: A capture cannot be read.
     """
+    from scaraspec.api.auditing import audit  # noqa: PLC0415 - imports the MCAP writer
+
     first, second = (
         Dialogue.of(open_capture(path, port=port).all_exchanges()) for path in (before, after)
     )

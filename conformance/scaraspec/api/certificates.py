@@ -4,16 +4,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
-from scaraspec.api.auditing import audit
 from scaraspec.api.calibration import MUTANTS, Calibration, calibrate, chosen_mutants
 from scaraspec.certificate import checks, package, signature
 from scaraspec.certificate.environment import StatedEnvironment, environment, round_trip
 from scaraspec.certificate.mandatory import MandatoryList, mandatory_lists
 from scaraspec.certificate.package import Manifest, PackageError, obstacle
 from scaraspec.judge.verdicts import ExitStatus, Verdict
-from scaraspec.mutants.kill_matrix import Proof
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
 from scaraspec.report.certificate import Certificate, render
@@ -26,6 +24,9 @@ from scaraspec.suite.engine.plan import Options
 from scaraspec.translation import Language
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
+
+if TYPE_CHECKING:
+    from scaraspec.mutants.kill_matrix import Proof
 
 __all__ = [
     "CalibrationError",
@@ -183,7 +184,7 @@ def calibrated(
     certification: Certification,
     *,
     jobs: int = 1,
-    mutant_ends: Callable[[Proof], None] = lambda _proof: None,
+    mutant_ends: "Callable[[Proof], None]" = lambda _proof: None,
 ) -> Certification:
     """Calibrate the tester, unless that was done, and return the certification with the result.
 
@@ -442,6 +443,8 @@ def _calibration_problems(folder: Path, results: Results, *, is_own: bool) -> It
 
 def _check_capture(folder: Path, results: Results, *, is_own: bool) -> Check:
     """Judge the capture again. A difference of another version is reported and not refused."""
+    from scaraspec.api.auditing import audit  # noqa: PLC0415 - imports the readers of captures
+
     try:
         derived, notes = audit(folder / package.CAPTURE, subject=results.role)
     except (CaptureError, ValueError) as error:  # also an invalid reading or link

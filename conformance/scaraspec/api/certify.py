@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scaraspec.api.certificates import Certification, calibrated, write_package
 from scaraspec.api.run_folder import RunFolder, RunFolderError, earlier_results
@@ -16,7 +16,6 @@ from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.attended import Attended
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.earlier_sitting import difference
@@ -26,9 +25,12 @@ from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.operator import Operator
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolve_url
 from scaraspec.user_message import UserMessage, sentence_of
+
+if TYPE_CHECKING:
+    from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+    from scaraspec.suite.engine.run import Run
 
 
 class StartError(Exception):
@@ -170,12 +172,14 @@ def prepared(  # noqa: PLR0913 - independent options of a run
     progress: Progress,
     interruption: Interruption | None,
     operator: Operator | None = None,
-) -> Iterator[tuple[Run[ControllerUnderTest], RunFolder]]:
+) -> "Iterator[tuple[Run[ControllerUnderTest], RunFolder]]":
     """Prepare a run against the controller at a URL, and its folder; nothing has been sent.
 
     The journal of the controller is locked until the end of the context. Arguments and exceptions
     are those of `controller`; with `redact` the recording has masked passwords.
     """
+    from scaraspec.suite.engine.run import Run  # noqa: PLC0415 - imports pytest and hypothesis
+
     access = UrlAccess(url, patience_s)
     folder = state_dir or state_directory()
     with (
@@ -249,6 +253,8 @@ def client(  # noqa: PLR0913 - independent options of a run
         SuiteError: The suite is defective.
         OSError: `out` cannot be created.
     """
+    from scaraspec.suite.engine.run import Run  # noqa: PLC0415 - imports pytest and hypothesis
+
     certification = calibrated(certification) if certification else None
     access = DriverAccess(driver, answer_timeout_s) if isinstance(driver, str) else driver
     adapter = ClientAdapter(
@@ -297,7 +303,7 @@ def _require_same(earlier: Results, adapter: ClientAdapter, out: Path | None) ->
 
 
 def write_results(
-    run: Run[Any], results: Results, files: RunFolder, certification: Certification | None = None
+    run: "Run[Any]", results: Results, files: RunFolder, certification: Certification | None = None
 ) -> Results:
     """Write the results of a run that has ended to its folder, and return them.
 

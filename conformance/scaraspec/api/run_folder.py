@@ -5,7 +5,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from scaraspec.api.viewer import has_viewer
 from scaraspec.report import ctrf, html, junit, reproduction
@@ -13,10 +13,10 @@ from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.traffic.wire import WireEvent
 from scaraspec.user_message import UserMessage
-from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
-from scaraspec_recorder.sinks.mcap.mcap_sink import CLAIM, SUBJECT
 from scaraspec_recorder.sinks.sink import SinkFailed
+
+if TYPE_CHECKING:
+    from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json", reproduction.FOLDER)
 CAPTURE: Final = "capture.mcap"
@@ -75,16 +75,7 @@ class RunFolder:
             folder = path / f"sitting-{len(list(path.glob('sitting-*'))) + 2}"
             folder.mkdir()
         self._reserve = _reserve_space(folder / RESERVE)
-        claims = {f"{CLAIM}{key}": value for key, value in ics.recorded.items()}
-        session = {SUBJECT: role.value, **claims}
-        sink = partial(
-            capture_sink,
-            session=session,
-            draw=has_viewer(),
-            needs_login=needs_login,
-            redact=redact,
-        )
-        self._recording = BackgroundRecorder(folder, [sink])
+        self._recording = _recorder(role, ics, folder, needs_login=needs_login, redact=redact)
 
     @property
     def capture(self) -> str:
@@ -207,6 +198,32 @@ def _writers() -> Mapping[str, Callable[[Results, Path], None]]:
 
 def _results_in(folder: Path) -> list[str]:
     return [name for name in RESULTS if (folder / name).exists()]
+
+
+def _recorder(
+    role: Role, ics: Ics, folder: Path, *, needs_login: bool, redact: bool
+) -> "BackgroundRecorder":
+    """Return a recorder of the run, which states in the recording what the subject claims."""
+    from scaraspec_recorder.recordings.capture import (  # noqa: PLC0415 - imports the MCAP library
+        capture_sink,
+    )
+    from scaraspec_recorder.sinks.background_recorder import (  # noqa: PLC0415 - asyncio
+        BackgroundRecorder,
+    )
+    from scaraspec_recorder.sinks.mcap.mcap_sink import (  # noqa: PLC0415 - the MCAP library
+        CLAIM,
+        SUBJECT,
+    )
+
+    claims = {f"{CLAIM}{key}": value for key, value in ics.recorded.items()}
+    sink = partial(
+        capture_sink,
+        session={SUBJECT: role.value, **claims},
+        draw=has_viewer(),
+        needs_login=needs_login,
+        redact=redact,
+    )
+    return BackgroundRecorder(folder, [sink])
 
 
 def _reserve_space(path: Path) -> Path | None:

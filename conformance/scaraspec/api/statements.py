@@ -2,22 +2,23 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from scaraspec.api.certify import StartError
 from scaraspec.operating_system import state_directory
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.read_only_adapter import ReadOnlyAdapter
 from scaraspec.suite.engine.ics import Ics, read_document
 from scaraspec.suite.engine.ics_check import problems_of
 from scaraspec.suite.engine.ics_proforma import Answers, proforma
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import Run
 from scaraspec.suite.engine.selection import CLAIM
 from scaraspec.transports.connect import resolve_url
 from scaraspec.user_message import UserMessage
+
+if TYPE_CHECKING:
+    from scaraspec.suite.controller.harness.read_only_adapter import ReadOnlyAdapter
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,12 +126,17 @@ def check_ics(
 
 
 class _Seen(NamedTuple):
-    adapter: ReadOnlyAdapter
+    adapter: "ReadOnlyAdapter"
     results: Results
 
 
 def _ask(url: str, password: str, ics: Ics, state_dir: Path | None) -> _Seen:
     """Send only logins and queries, and return what they show."""
+    from scaraspec.suite.controller.harness.read_only_adapter import (  # noqa: PLC0415 - hypothesis
+        ReadOnlyAdapter,
+    )
+    from scaraspec.suite.engine.run import Run  # noqa: PLC0415 - imports pytest and hypothesis
+
     options = Options(only=frozenset())
     with Journal.of(resolve_url(url), state_dir or state_directory()) as journal:
         adapter = ReadOnlyAdapter(

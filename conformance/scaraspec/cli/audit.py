@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from rich.console import Console
 
-from scaraspec.api.auditing import audit
-from scaraspec.api.audits import AuditedCapture, audit_all, find_captures
 from scaraspec.cli.options import (
     capture_port,
     given_options,
@@ -21,7 +19,7 @@ from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import join_command
 from scaraspec.protocol.readings import ReadingError, parse_settings
-from scaraspec.report import html, terminal
+from scaraspec.report import terminal
 from scaraspec.report.model import Role
 from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.suite.engine.ics import Ics, IcsError
@@ -30,6 +28,9 @@ from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
+
+if TYPE_CHECKING:
+    from scaraspec.api.audits import AuditedCapture
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
@@ -97,6 +98,9 @@ def command(  # noqa: PLR0913 - one for each option
     captures are listed with the gravest first. Violations by the side that is not the subject do
     not count. Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
+    from scaraspec.api.auditing import audit  # noqa: PLC0415 - --help does not need the judge
+    from scaraspec.api.audits import find_captures  # noqa: PLC0415 - for the same reason
+
     require_replaceable(json_file, _JSON_MARK)
     require_replaceable(html_file, _HTML_MARK)
     context = click.get_current_context()
@@ -125,6 +129,8 @@ def command(  # noqa: PLR0913 - one for each option
         if json_file:
             results.write(json_file)
         if html_file:
+            from scaraspec.report import html  # noqa: PLC0415 - only this option needs it
+
             html.write(results, html_file)
     except (CaptureError, IcsError, LinkError, ReadingError, UnknownRequirementError) as error:
         raise unreadable(error) from None
@@ -149,6 +155,8 @@ def _audit_several(
         Problem: A file to write was named: it would have the results of one capture only.
         SystemExit: Always, with the exit status.
     """
+    from scaraspec.api.audits import audit_all  # noqa: PLC0415 - --help does not need the judge
+
     if any(outputs):
         raise Problem(
             UserMessage(
@@ -170,7 +178,7 @@ def _audit_several(
     raise SystemExit(_exit_status(audited))
 
 
-def _exit_status(audited: Sequence[AuditedCapture]) -> ExitStatus:
+def _exit_status(audited: "Sequence[AuditedCapture]") -> ExitStatus:
     """Return the status of several captures: 1 wins over 3, 3 over 0; 4 if nothing was judged."""
     found = {
         each.results.verdict.exit_status if each.results else ExitStatus.INCONCLUSIVE

@@ -5,7 +5,6 @@ from typing import NoReturn
 
 import click
 
-from scaraspec.api.captures import compare_captures
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import append_summary, results_in, user_errors
@@ -72,6 +71,8 @@ def _compare_captures(
         Problem: A capture cannot be read, or the summary cannot be written.
         SystemExit: Always, with the exit status.
     """
+    from scaraspec.api.captures import compare_captures  # noqa: PLC0415 - --help needs no readers
+
     try:
         comparison = compare_captures(before, after, port=port)
     except CaptureError as error:

@@ -1,29 +1,29 @@
 """`scaraspec convert`: convert a capture to another format."""
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem, unreadable
-from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.recordings.capture import write_rrd
-from scaraspec_recorder.sinks.decoder import Decoder
-from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink
-from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter
-from scaraspec_recorder.sources.capture import open_capture
-from scaraspec_recorder.sources.excerpt import Excerpt
+
+if TYPE_CHECKING:
+    from scaraspec_recorder.sources.excerpt import Excerpt
 
 EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap --since 2026-11-21T08:15 --redact"
 
 _PATH = click.Path(path_type=Path)
 
 
-def _write_mcap(capture: Excerpt, target: Path) -> None:
+def _write_mcap(capture: "Excerpt", target: Path) -> None:
+    from scaraspec.judge.judge import Judge  # noqa: PLC0415 - --help does not need the judge
+    from scaraspec_recorder.sinks.decoder import Decoder  # noqa: PLC0415 - for the same reason
+    from scaraspec_recorder.sinks.mcap.mcap_sink import McapSink  # noqa: PLC0415 - nor the writer
+
     sink = McapSink(target.open("wb"), capture.session)
     decoder = Decoder([sink], Judge(needs_login=capture.needs_login))
     for event in capture:
@@ -31,11 +31,15 @@ def _write_mcap(capture: Excerpt, target: Path) -> None:
     decoder.close()
 
 
-def _draw(capture: Excerpt, target: Path) -> None:
+def _draw(capture: "Excerpt", target: Path) -> None:
+    from scaraspec_recorder.recordings.capture import write_rrd  # noqa: PLC0415 - slow to import
+
     write_rrd(capture, target, needs_login=capture.needs_login)
 
 
-def _write_pcapng(capture: Excerpt, target: Path) -> None:
+def _write_pcapng(capture: "Excerpt", target: Path) -> None:
+    from scaraspec_recorder.sinks.pcapng_writer import PcapngWriter  # noqa: PLC0415 - as above
+
     with target.open("wb") as file:
         writer = PcapngWriter(file)
         for event in capture:
@@ -48,7 +52,7 @@ def _write_pcapng(capture: Excerpt, target: Path) -> None:
         click.echo(f"{target}: {note}", err=True)
 
 
-_WRITERS: dict[str, Callable[[Excerpt, Path], None]] = {
+_WRITERS: Final = {
     ".mcap": _write_mcap,
     ".pcapng": _write_pcapng,
     ".rrd": _draw,
@@ -79,6 +83,9 @@ def command(  # noqa: PLR0913 - two arguments and independent options
 
     With --since and --until OUT is an excerpt. What its connections sent before is a gap in it.
     """
+    from scaraspec_recorder.sources.capture import open_capture  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.sources.excerpt import Excerpt  # noqa: PLC0415 - for the same reason
+
     if target.suffix.lower() not in _WRITERS:
         raise Problem(
             UserMessage(
@@ -113,7 +120,7 @@ def command(  # noqa: PLR0913 - two arguments and independent options
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
-def _write(excerpt: Excerpt, target: Path) -> None:
+def _write(excerpt: "Excerpt", target: Path) -> None:
     """Write the target, or remove it if that fails."""
     try:
         _WRITERS[target.suffix.lower()](excerpt, target)

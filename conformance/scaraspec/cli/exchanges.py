@@ -4,13 +4,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import click
 from rich.console import Console
 from rich.table import Table
 
-from scaraspec.api.captures import Capture, Step, open_capture
 from scaraspec.cli.options import capture_port, selection_options
 from scaraspec.cli.problems import Problem, unreadable, unwritable
 from scaraspec.cli.progress_bar import shown_share
@@ -30,6 +29,9 @@ from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.sinks import text as event_text
+
+if TYPE_CHECKING:
+    from scaraspec.api.captures import Capture, Step
 
 EXAMPLE = "Example: scaraspec exchanges capture.mcap --command run_program,get_status"
 
@@ -75,13 +77,15 @@ def command(  # noqa: PLR0913 - one for each option
     that they are about. Exit status 3 if FILE is incomplete or bytes were not captured, 4 if it has
     no traffic of this protocol.
     """
+    from scaraspec.api.captures import open_capture  # noqa: PLC0415 - --help needs no readers
+
     selection = Selection(since, until, connection or "", commands)
     folders = [(d, suffix) for d, suffix in ((csv_dir, "csv"), (parquet_dir, "parquet")) if d]
     names = [name for name in TABLES if frames or name != "frames"]
     text = None if folders or as_json or latency else _Text(frames=frames)
     hidden = bool(text or as_json)
 
-    def selected(step: Step) -> bool:
+    def selected(step: "Step") -> bool:
         return selection.includes(step.event) and not (no_queries and _is_routine(step))
 
     with _user_errors():
@@ -151,7 +155,7 @@ class _Rows:
         self._builder = RowBuilder(file)
         self._frames = frames
 
-    def take(self, step: Step) -> None:
+    def take(self, step: "Step") -> None:
         """Take the next step."""
         for item in (step.event, *step.findings):
             self.stats.add(item)
@@ -159,7 +163,7 @@ class _Rows:
             if row and (self._frames or not isinstance(row, FrameRow)):
                 self._pass_on(row)
 
-    def finish(self, capture: Capture, *, interrupted: bool) -> None:
+    def finish(self, capture: "Capture", *, interrupted: bool) -> None:
         """Pass on the rows of the connections and of the file."""
         notes = (*capture.notes, *(["interrupted"] if interrupted else []))
         whole = capture.whole and not interrupted
@@ -180,9 +184,9 @@ class _Reading(NamedTuple):
 
 
 def _read(
-    capture: Capture,
-    selected: Callable[[Step], bool],
-    takers: Sequence[Callable[[Step], None]],
+    capture: "Capture",
+    selected: "Callable[[Step], bool]",
+    takers: "Sequence[Callable[[Step], None]]",
     progress: Callable[[int, int], None],
 ) -> _Reading:
     """Pass the selected steps on, until the end or Ctrl-C."""
@@ -199,7 +203,7 @@ def _read(
     return _Reading(count, interrupted=True)
 
 
-def _is_routine(step: Step) -> bool:
+def _is_routine(step: "Step") -> bool:
     """Whether a step is an answered query or chunk without a finding."""
     event = step.event
     if not isinstance(event, Exchange) or any(f.verdict in _SHOWN for f in step.findings):
@@ -219,7 +223,7 @@ class _Text:
         self._frames = frames
         self._day = ""
 
-    def show(self, step: Step) -> None:
+    def show(self, step: "Step") -> None:
         """Print a line for the event, if it has one, and one for each finding."""
         event, findings = step.event, [f for f in step.findings if f.verdict in _SHOWN]
         if text := self._text(event, always=bool(findings)):

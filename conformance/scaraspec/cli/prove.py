@@ -5,24 +5,26 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
-from scaraspec.api.proving import EVERYTHING, KillMatrix, mutants, prove, prove_dialects
 from scaraspec.cli.problems import Problem, no_such_mutant
 from scaraspec.cli.progress_bar import ProgressBar
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.mutants.kill_matrix import ROLE_SUITES, Alarm, Proof, dialects
-from scaraspec.mutants.registry import Mutant
 from scaraspec.report.model import Results, Role
-from scaraspec.suite.engine.collection import collect
+from scaraspec.suite.engine.collection import METHODS, collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
+
+if TYPE_CHECKING:
+    from scaraspec.api.proving import KillMatrix
+    from scaraspec.mutants.kill_matrix import Alarm, Proof
+    from scaraspec.mutants.registry import Mutant
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
@@ -32,7 +34,7 @@ _PATH = click.Path(path_type=Path)
 @click.command(epilog=EXAMPLE)
 @click.option(
     "--role",
-    type=click.Choice([role.value for role in ROLE_SUITES]),
+    type=click.Choice([role.value for role in METHODS]),
     default=Role.CONTROLLER.value,
     show_default=True,
     help="The role of the mutants.",
@@ -100,6 +102,8 @@ def command(  # noqa: PLR0913 - one for each option
     inconclusive on the unmodified implementation; 1: otherwise; 4: there is no mutant or no case
     to run.
     """
+    from scaraspec.api.proving import EVERYTHING, mutants, prove  # noqa: PLC0415 - all mutants
+
     mutant_ids += fault_ids
     subject = Role(role)
     if listed and (quick or out):
@@ -148,7 +152,7 @@ def _print_unmodified(role: Role, results: Results) -> None:
     click.echo(localized(text, role=role_name, verdict=label, count=len(results.cases)))
 
 
-def _print_summary(matrix: KillMatrix) -> None:
+def _print_summary(matrix: "KillMatrix") -> None:
     """Print the mutants that survived, the cases that killed none, and the counts."""
     for proof in matrix.survivors:
         violated = ", ".join(proof.requirements)
@@ -188,7 +192,7 @@ def _requirements(only: str | None) -> frozenset[str] | None:
         raise Problem(UserMessage("--only: {error}", error=error)) from None
 
 
-def _list_line(mutant: Mutant[Any]) -> str:
+def _list_line(mutant: "Mutant[Any]") -> str:
     """Return the id, the sentence, the violated requirements and the readings in one line."""
     violated = ", ".join(mutant.requirements)
     under = f" under {', '.join(mutant.reading)}" if mutant.reading else ""
@@ -198,12 +202,15 @@ def _list_line(mutant: Mutant[Any]) -> str:
 
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     """Show that no case fails a conforming implementation, whichever readings it follows."""
+    from scaraspec.api.proving import prove_dialects  # noqa: PLC0415 - imports all mutants
+    from scaraspec.mutants.kill_matrix import dialects  # noqa: PLC0415 - for the same reason
+
     if not collect(options, role):
         raise _nothing_proved("no case tests a requirement of --only")
     count = len(list(dialects()))
     number = itertools.count(1)
 
-    def show(alarm: Alarm) -> None:
+    def show(alarm: "Alarm") -> None:
         click.echo(f"{next(number)}/{count} {alarm.verdict} {' '.join(alarm.readings)}")
         for case, message in alarm.cases.items():
             click.echo(f"    {case}: {localized(message)}")
@@ -228,7 +235,7 @@ class _Progress:
         self._console = Console()
         self.bar = ProgressBar(self._console, localized("proving"), count, TimeRemainingColumn())
 
-    def add(self, proof: Proof) -> None:
+    def add(self, proof: "Proof") -> None:
         """Show the result of a mutant."""
         self._number += 1
         self.bar.count_one(proof.fault)

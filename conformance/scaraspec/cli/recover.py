@@ -3,6 +3,7 @@
 import errno
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,8 +14,9 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.translation import localized, translated_error
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
-from scaraspec_recorder.recordings.repair import RepairReport, repair
+
+if TYPE_CHECKING:
+    from scaraspec_recorder.recordings.repair import RepairReport
 
 EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 
@@ -30,6 +32,9 @@ def command(files: tuple[Path, ...]) -> None:
     the damaged file is kept as FILE.damaged. An intact file is not changed. Exit status 0 if all
     files were intact, 3 if anything was lost.
     """
+    from scaraspec_recorder.recordings.recovery import locked_folder  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.recordings.repair import repair  # noqa: PLC0415 - slow to import
+
     whole = True
     for file in files:
         if not file.is_file():
@@ -65,7 +70,7 @@ def command(files: tuple[Path, ...]) -> None:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
-def _print_summary(report: RepairReport) -> None:
+def _print_summary(report: "RepairReport") -> None:
     template = "repaired, {count} events" if report.repaired else "whole, {count} events"
     text = localized(template, count=report.events)
     if report.last_ns:
@@ -79,8 +84,13 @@ def _print_summary(report: RepairReport) -> None:
         click.echo(f"  {text}")
 
 
-def _draw(report: RepairReport) -> None:
+def _draw(report: "RepairReport") -> None:
     """Write the .rrd again if it or the recording was incomplete."""
+    from scaraspec_recorder.recordings.recovery import (  # noqa: PLC0415 - slow to import
+        has_complete_rrd,
+        rebuild_rrd,
+    )
+
     drawn = report.path.with_suffix(".rrd")
     if has_complete_rrd(drawn) and not report.repaired:
         return

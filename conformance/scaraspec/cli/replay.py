@@ -5,7 +5,6 @@ from pathlib import Path
 
 import click
 
-from scaraspec.api.replaying import LoginFailedError, replay
 from scaraspec.cli.options import Duration, Real, capture_port, password_option
 from scaraspec.cli.problems import Problem, unreadable
 from scaraspec.cli.progress_bar import shown_share
@@ -20,7 +19,6 @@ from scaraspec.transports.url import UrlError
 from scaraspec.user_message import UserMessage, sentence_of
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.replay import MAX_GAP_S, LinkEndedError, ReplayStep
-from scaraspec_recorder.sources.capture import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
@@ -152,6 +150,9 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     Exit status: 0 all replies equal, 1 some differ, 3 link lost or CAPTURE incomplete, 4 nothing
     was sent.
     """
+    from scaraspec.api.replaying import LoginFailedError, replay  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.sources.capture import open_capture  # noqa: PLC0415 - slow to import
+
     tally = _Tally()
     try:
         source = open_capture(capture, port=port)

@@ -16,7 +16,7 @@ from typing import Final
 
 import click
 
-from scaraspec.api import audit
+from scaraspec import api
 from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.options import Instant, capture_port
 from scaraspec.cli.problems import Problem, unreadable
@@ -28,10 +28,6 @@ from scaraspec.report.sanitizing import visible
 from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.recordings.capture import write_rrd
-from scaraspec_recorder.recordings.recovery import has_complete_rrd, locked_folder, rebuild_rrd
-from scaraspec_recorder.recordings.repair import inspect
-from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
 
@@ -85,7 +81,7 @@ def command(file: Path, port: int | None, at_ns: int | None, finding: int | None
 
 def _moment(file: Path, port: int | None, number: int) -> int:
     """Return the time of a finding of an audit."""
-    lines = summary(audit(file, port=port)[0])
+    lines = summary(api.audit(file, port=port)[0])
     moment = lines[number - 1].case.moment if number <= len(lines) else None
     if moment is None:
         raise Problem(
@@ -100,6 +96,18 @@ def _moment(file: Path, port: int | None, number: int) -> int:
 
 def _drawn(file: Path, port: int | None, scratch: Path) -> tuple[Path, bool]:
     """Return the .rrd of a capture, written to `scratch` if necessary, and whether it is whole."""
+    from scaraspec_recorder.recordings.capture import write_rrd  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.recordings.recovery import (  # noqa: PLC0415 - slow to import
+        has_complete_rrd,
+        locked_folder,
+        rebuild_rrd,
+    )
+    from scaraspec_recorder.recordings.repair import inspect  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.sources.capture import (  # noqa: PLC0415 - slow to import
+        McapCapture,
+        open_capture,
+    )
+
     with suppress(OSError), file.open("rb") as opened:
         if opened.read(len(_RRD_MAGIC)) == _RRD_MAGIC:
             return file, True

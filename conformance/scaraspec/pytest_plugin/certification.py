@@ -33,10 +33,11 @@ from scaraspec.report.model import Results, Role
 from scaraspec.report.sanitizing import visible, visible_line
 from scaraspec.suite.engine.case import MARK, case_of, is_case
 from scaraspec.suite.engine.case_collector import CaseCollector
-from scaraspec.suite.engine.collection import CASES, forget_cases
+from scaraspec.suite.engine.collection import CASES
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.pytest_session import forget_cases
 
 if TYPE_CHECKING:
     from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest

@@ -10,10 +10,9 @@ import hashlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from scaraspec.judge.requirements import REQUIREMENTS, Requirement
@@ -32,6 +31,9 @@ from scaraspec.report.sanitizing import visible
 from scaraspec.report.segments import segments
 from scaraspec.report.texts import CLAUSE_TITLES, TEXTS
 from scaraspec.translation import Language, display_language, translate
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _SIGNS: Final = {
     Verdict.FAIL: "✕",
@@ -157,8 +159,10 @@ def _finalize(value: Any) -> Any:
 
 
 @cache
-def environment() -> Environment:
+def environment() -> "Environment":
     """Return the environment of the templates of all pages, which sanitizes and escapes."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - slow
+
     created = Environment(
         loader=PackageLoader("scaraspec.report"),
         autoescape=True,

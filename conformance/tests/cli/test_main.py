@@ -6,10 +6,28 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from wording import ROOT
+
+from scaraspec.cli.main import COMMANDS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="a viewer would find a screen")
 
 LIMIT_S = 60
+CAPTURE = ROOT / "fixtures/captures/field/complaint-1.pcapng"
+SUBCOMMANDS = (
+    *("archive build", "archive query", "archive report"),
+    *("certify client", "certify controller"),
+    *("ics check", "ics new"),
+    *("program check", "program convert", "program show"),
+)
+SLOW = {
+    *("hypothesis", "pytest", "jinja2", "google.protobuf", "lz4"),  # of every installation
+    *("duckdb", "fsspec", "numpy", "pyarrow", "rerun", "scapy", "serial"),  # of an extra
+    *("scaraspec.api.auditing", "scaraspec.api.proving", "scaraspec.suite.engine.run"),
+    *("scaraspec.mutants.kill_matrix", "scaraspec_recorder.sinks.mcap.mcap_sink"),
+    "scaraspec_recorder.sources.mcap_reader",
+}
+"""Modules that take long to import."""
 COMMAND = Path(sysconfig.get_path("scripts"), "scaraspec")
 
 
@@ -43,13 +61,36 @@ def test_no_code_in_the_working_directory_is_run(
     assert not list(tmp_path.glob("run-*"))
 
 
-def test_commands_that_run_no_case_import_no_pytest() -> None:
-    """They start in half of the time."""
-    modules = "audit, compare, exchanges, gate, record"
-    script = f"from scaraspec.cli import {modules}; import sys; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=LIMIT_S, check=True
+def imported(*arguments: str) -> set[str]:
+    """The modules that a command imports."""
+    script = (
+        "import atexit, sys\n"
+        "atexit.register(lambda: print('modules:', *sys.modules, file=sys.stderr))\n"
+        "from scaraspec.cli import main\n"
+        "main()\n"
     )
-    loaded = set(done.stdout.split())
-    assert "scaraspec.cli.gate" in loaded
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    return set(done.stderr.rpartition("modules: ")[2].split())
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *SUBCOMMANDS])
+def test_help_imports_nothing_that_is_slow(command: str) -> None:
+    """The help and the completion of a command need only its options."""
+    module = f"scaraspec.cli.{command.split(maxsplit=1)[0].replace('-', '_')}"
+    loaded = imported(*command.split(), "--help")
+    assert module in loaded
+    assert not loaded & SLOW
+
+
+@pytest.mark.parametrize("command", ["audit", "exchanges"])
+def test_commands_that_run_no_case_import_no_pytest(command: str) -> None:
+    """They start in half of the time."""
+    loaded = imported(command, str(CAPTURE))
+    assert "scaraspec.api.auditing" in loaded
     assert not loaded & {"pytest", "hypothesis"}

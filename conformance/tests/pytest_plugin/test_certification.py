@@ -11,9 +11,10 @@ from scaraspec.pytest_plugin.certification import files_of, reported
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_collector import CaseCollector
-from scaraspec.suite.engine.collection import CASES, cases_in, run_pytest
+from scaraspec.suite.engine.collection import CASES, cases_in
 from scaraspec.suite.engine.outcome import Outcome
 from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.pytest_session import run_pytest
 
 FOLDER = CASES[Role.CONTROLLER]
 

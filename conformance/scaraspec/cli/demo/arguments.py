@@ -14,7 +14,6 @@ from typing import Final
 import click
 from rich.console import Console
 
-from scaraspec.api.auditing import audit
 from scaraspec.api.viewer import has_viewer
 from scaraspec.cli.demo import session
 from scaraspec.cli.problems import Problem, make_folder
@@ -22,14 +21,11 @@ from scaraspec.cli.viewer import NO_VIEWER, open_viewer
 from scaraspec.client import Client, ClientError
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import join_command
-from scaraspec.report import html, terminal
+from scaraspec.report import terminal
 from scaraspec.translation import localized
 from scaraspec.transports.url import join_host_port, split_host_port
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
-from scaraspec_recorder.recording import record
-from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.sinks.rerun.live import live_sink
 from scaraspec_recorder.tap.routes import Upstream
 
 EXAMPLE: Final = "Example: scaraspec demo --out demo"
@@ -55,6 +51,9 @@ def command(out: Path, *, live: bool) -> None:
     stops a second run, resets, moves and downloads. The demo takes about ten seconds and writes
     capture.mcap, capture.rrd, results.json and report.html.
     """
+    from scaraspec.api.auditing import audit  # noqa: PLC0415 - --help does not need the judge
+    from scaraspec.report import html  # noqa: PLC0415 - for the same reason
+
     make_folder(out)
     if there := [name for name in _FILES if (out / name).exists()]:
         raise Problem(
@@ -87,6 +86,10 @@ def command(out: Path, *, live: bool) -> None:
 
 async def _play(out: Path, viewer: str | None) -> None:
     """Start controller and proxy, run the client in a thread, and stop everything."""
+    from scaraspec_recorder.recording import record  # noqa: PLC0415 - --help needs no recorder
+    from scaraspec_recorder.recordings.capture import capture_sink  # noqa: PLC0415 - no files
+    from scaraspec_recorder.sinks.rerun.live import live_sink  # noqa: PLC0415 - no viewer
+
     sinks = (
         partial(capture_sink, draw=has_viewer()),
         *((partial(live_sink, url=viewer),) if viewer else ()),

@@ -25,7 +25,7 @@ from scaraspec.report.root_causes import root_causes
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
 from scaraspec.suite.engine.case_runner import Callbacks, CaseRunner
-from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, run_pytest
+from scaraspec.suite.engine.collection import CASES, METHODS, cases_in
 from scaraspec.suite.engine.coverage import hook_notices, shortfall, undecided_notices
 from scaraspec.suite.engine.earlier_sitting import EarlierSitting
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
@@ -35,6 +35,7 @@ from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.passive_findings import grouped, is_confirmed, undecided
 from scaraspec.suite.engine.plan import is_selected
+from scaraspec.suite.engine.pytest_session import run_pytest
 from scaraspec.suite.engine.repeated_cases import repeated_cases
 from scaraspec.suite.engine.role_adapter import P, RoleAdapter
 from scaraspec.suite.engine.stall_detector import Stall, StallDetector, threshold_s

@@ -5,8 +5,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Tool
@@ -80,6 +78,8 @@ class _Group:
 
 def render(sheets: Iterable[CaseSheet]) -> str:
     """Return the test specification as an HTML page that makes no network requests."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - slow
+
     ordered = [*sheets]
     environment = Environment(
         loader=PackageLoader("scaraspec.suite.engine", "."),

@@ -7,8 +7,9 @@ from hypothesis.internal.conjecture import providers
 
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case_collector import CaseCollector
-from scaraspec.suite.engine.collection import CASES, cases_in, run_pytest
+from scaraspec.suite.engine.collection import CASES, cases_in
 from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.pytest_session import run_pytest
 
 
 class _Watching(CaseCollector):
