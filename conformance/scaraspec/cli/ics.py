@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from scaraspec.api.certify import StartError
-from scaraspec.api.statements import CheckedIcs, check_ics, new_ics
+from scaraspec import api
 from scaraspec.cli.options import password_option, state_dir_option
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.vocabulary import DEFAULT_PASSWORD
@@ -18,6 +18,9 @@ from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.translation import localized
 from scaraspec.transports.link import LinkError
 from scaraspec.user_message import UserMessage, sentence_of
+
+if TYPE_CHECKING:
+    from scaraspec.api import CheckedIcs
 
 EXAMPLE = "Example: scaraspec ics new tcp://192.168.1.2 --out ics.toml"
 
@@ -43,7 +46,7 @@ def new(url: str, *, out: Path | None, password: str, state_dir: Path | None) ->
     if out and out.exists():
         raise Problem(UserMessage("{path} exists: name a new file with --out", path=out))
     with _user_errors():
-        text = new_ics(url, password=password, state_dir=state_dir)
+        text = api.new_ics(url, password=password, state_dir=state_dir)
         if not out:
             click.echo(text, nl=False)
             return
@@ -70,7 +73,7 @@ def check(path: Path, url: str, *, password: str, state_dir: Path | None) -> Non
     no problem, 1 a problem, 2 FILE cannot be read, 3 the controller does not answer.
     """
     with _user_errors():
-        checked = check_ics(path, url, password=password, state_dir=state_dir)
+        checked = api.check_ics(path, url, password=password, state_dir=state_dir)
     for problem in checked.problems:
         click.echo(visible_line(localized(problem)))
     for line in _summary(checked) if url and not checked.problems else ():
@@ -80,7 +83,7 @@ def check(path: Path, url: str, *, password: str, state_dir: Path | None) -> Non
     click.echo(localized("{path}: no contradiction", path=path))
 
 
-def _summary(checked: CheckedIcs) -> Iterator[str]:
+def _summary(checked: "CheckedIcs") -> Iterator[str]:
     if checked.verified:
         yield UserMessage("verified: {keys}", keys=", ".join(checked.verified))
     if checked.unverified:
@@ -92,6 +95,8 @@ def _summary(checked: CheckedIcs) -> Iterator[str]:
 
 @contextmanager
 def _user_errors() -> Iterator[None]:
+    from scaraspec.api.certify import StartError  # noqa: PLC0415 - imports the harnesses
+
     try:
         yield
     except (UnreadableIcsError, LinkError, JournalError) as error:

@@ -5,8 +5,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from scaraspec.api.results import MergeError, merge
-from scaraspec.api.run_folder import RunFolderError, write_results
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.results import results_in, user_errors
 from scaraspec.report import terminal
@@ -28,6 +26,9 @@ def command(paths: tuple[Path, ...], *, out: Path) -> None:
     A failure counts although the case passes in another sitting; the report lists both. Exit
     status as for certify; 2 if the results cannot be merged.
     """
+    from scaraspec.api.results import MergeError, merge  # noqa: PLC0415 - imports the suite
+    from scaraspec.api.run_folder import RunFolderError, write_results  # noqa: PLC0415 - reports
+
     if len(paths) == 1:
         raise Problem("name the results of at least two sittings")
     with user_errors():

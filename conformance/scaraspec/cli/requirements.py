@@ -25,8 +25,6 @@ from scaraspec.judge.requirements import (
 from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.rule import Rule
 from scaraspec.judge.rules.undecided import UNDECIDED
-from scaraspec.mutants import client as client_mutants
-from scaraspec.mutants import controller as controller_mutants
 from scaraspec.register import Entry, register
 from scaraspec.suite.engine.collection import CASES, METHODS, cases_in, collect
 from scaraspec.suite.engine.plan import Options
@@ -224,6 +222,9 @@ def _function_lines(file: Path) -> dict[str, int]:
 
 
 def _mutant_locations(requirement_id: str) -> Iterator[str]:
+    from scaraspec.mutants import client as client_mutants  # noqa: PLC0415 - slow to import
+    from scaraspec.mutants import controller as controller_mutants  # noqa: PLC0415 - slow to import
+
     for package in (controller_mutants, client_mutants):
         for mutant in package.mutants().values():
             if requirement_id in mutant.requirements:
