@@ -21,7 +21,8 @@ from rich.console import Console
 from scaraspec.api import certify
 from scaraspec.api.certify import IncompleteFilesError, Progress, StartError
 from scaraspec.api.run_folder import RunFolder, require_unused
-from scaraspec.cli.certify.options import reproduction, user_errors
+from scaraspec.cli.certify.options import reproduction
+from scaraspec.cli.certify.preparation import user_errors
 from scaraspec.cli.certify.running import confirm_motion, end_on_signals
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus, Reason, Verdict

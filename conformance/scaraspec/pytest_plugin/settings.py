@@ -8,8 +8,9 @@ from typing import Final, NamedTuple
 import click
 import pytest
 
-from scaraspec.cli.certify.controller import Settings, command
-from scaraspec.cli.certify.options import user_errors
+from scaraspec.cli.certify.controller import command
+from scaraspec.cli.certify.controller_run import Settings
+from scaraspec.cli.certify.preparation import user_errors
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.vocabulary import WORDS
 from scaraspec.suite.engine.ics import Ics

@@ -13,8 +13,7 @@ from scaraspec.api import calibration, certificates
 from scaraspec.api import certify as certify_api
 from scaraspec.certificate import checks
 from scaraspec.certificate.package import PackageError
-from scaraspec.cli.certify import controller
-from scaraspec.cli.certify import options as certify_options
+from scaraspec.cli.certify import controller_run, preparation
 from scaraspec.cli.main import main
 from scaraspec.judge.verdicts import Conclusion, ExitStatus
 from scaraspec.report.model import Results, Role
@@ -70,7 +69,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "certification_options", small_options)
     monkeypatch.setattr(certificates, "calibrate", lambda *_, **__: calibrated())
     # These cases belong to pytest.
-    monkeypatch.setattr(controller, "end_on_signals", lambda _: None)
+    monkeypatch.setattr(controller_run, "end_on_signals", lambda _: None)
 
 
 @pytest.mark.usefixtures("small")
@@ -94,7 +93,7 @@ def test_certified(certify: Run, processes: Any, tmp_path: Path) -> None:
     ("broken", "says"),
     [
         ((certify_api, "write_package"), "the package cannot be written: [Errno 28] No space left"),
-        ((certify_options, "verify_package"), "run.zip: its files cannot be extracted"),
+        ((preparation, "verify_package"), "run.zip: its files cannot be extracted"),
     ],
 )
 def test_full_disk(  # noqa: PLR0913 - each is a fixture or a parameter

@@ -5,7 +5,8 @@ from typing import Any, cast
 import click
 import pytest
 
-from scaraspec.cli.certify.controller import Settings, command
+from scaraspec.cli.certify.controller import command
+from scaraspec.cli.certify.controller_run import Settings
 from scaraspec.cli.vocabulary import WORDS
 from scaraspec.pytest_plugin.settings import read
 
