@@ -12,7 +12,6 @@ from scaraspec.user_message import UserMessage
 from scaraspec_recorder import recording as recorder
 from scaraspec_recorder.config import ConfigError, RobotConfig, TimestampSource
 from scaraspec_recorder.recording import DRAIN_S, Recording
-from scaraspec_recorder.sinks.rerun.live import live_sink
 from scaraspec_recorder.sinks.sink import SinkFactory
 from scaraspec_recorder.tap import serial_relay
 from scaraspec_recorder.tap.routes import Mode, Route, route
@@ -82,6 +81,8 @@ class RecordingPlan:
         files = self.robot.sink(session, draw=has_viewer(), needs_login=needs_login)
         if viewer_url is None:
             return (files,)
+        from scaraspec_recorder.sinks.rerun.live import live_sink  # noqa: PLC0415 - for a viewer
+
         return files, partial(live_sink, url=viewer_url, needs_login=needs_login)
 
     def client_relay(self, address: tuple[str, int]) -> AbstractAsyncContextManager[object]:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
@@ -26,6 +25,7 @@ from scaraspec_recorder.spool.records import UNREACHABLE
 from scaraspec_recorder.units import SECOND_NS, Limits, QuantityError, parse_limits
 
 if TYPE_CHECKING:
+    from scaraspec.judge.judge import Judge
     from scaraspec_recorder.recordings.recording_files import RecordingFiles, RecordingFolder
 
 MAX_WAIT_TICKS: Final = 4
@@ -79,7 +79,7 @@ class Rotation:
     """
 
     def __init__(
-        self, recording_folder: "RecordingFolder", judge: Judge, rotation: RotationPolicy
+        self, recording_folder: "RecordingFolder", judge: "Judge", rotation: RotationPolicy
     ) -> None:
         self._folder = recording_folder
         self._judge = judge

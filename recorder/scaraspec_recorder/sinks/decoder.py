@@ -7,9 +7,8 @@ events and findings. `scaraspec.judge` decides conformance.
 import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
-from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
@@ -21,6 +20,9 @@ from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sink import ENVIRONMENT_FAILURES
 from scaraspec_recorder.sinks.text import Level, LogLine
 from scaraspec_recorder.units import show_duration
+
+if TYPE_CHECKING:
+    from scaraspec.judge.judge import Judge
 
 _log = logging.getLogger(__name__)
 
@@ -79,7 +81,7 @@ class Decoder:
     def __init__(
         self,
         outputs: Sequence[Output],
-        judge: Judge,
+        judge: "Judge",
         redactor: Redactor | None = None,
         clock: ClockWatch | None = None,
     ) -> None:
@@ -183,7 +185,7 @@ def defect_text(error: Exception) -> str:
     return f"decoding stopped because of a defect in this tool: {error!r}"
 
 
-def judge_summary(judge: Judge) -> dict[str, str]:
+def judge_summary(judge: "Judge") -> dict[str, str]:
     """Return the results of a judge since its tallies were last cleared, as text."""
     worst = Counter(stats.verdict for stats in judge.tallies.values())
     return {
