@@ -115,7 +115,7 @@ test-archive: $(READY)
 check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy --num-workers 2 conformance recorder/scaraspec_recorder bench docs spec
+	$(BIN)/mypy --num-workers 2 conformance recorder/scaraspec_recorder bench docs spec release
 	$(BIN)/mypy recorder/tests
 	$(BIN)/lint-imports
 
