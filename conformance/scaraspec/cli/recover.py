@@ -30,9 +30,13 @@ def command(files: tuple[Path, ...]) -> None:
 
     Prints for each FILE what was kept and what was lost. If more than the end of FILE was damaged,
     the damaged file is kept as FILE.damaged. An intact file is not changed. Exit status 0 if all
-    files were intact, 3 if anything was lost.
+    files were intact, 3 if anything was lost. An incomplete .rrd file whose .mcap file was removed
+    can be named too.
     """
-    from scaraspec_recorder.recordings.recovery import locked_folder  # noqa: PLC0415 - slow to import
+    from scaraspec_recorder.recordings.recovery import (  # noqa: PLC0415 - slow to import
+        is_lone_rrd,
+        locked_folder,
+    )
     from scaraspec_recorder.recordings.repair import repair  # noqa: PLC0415 - slow to import
 
     whole = True
@@ -43,6 +47,9 @@ def command(files: tuple[Path, ...]) -> None:
             )
         try:
             with locked_folder(file.resolve().parent) as unwritten_bytes:
+                if is_lone_rrd(file):
+                    whole = _repair_rrd(file) and whole
+                    continue
                 report = repair(file)
                 _print_summary(report)
                 whole = whole and not (report.repaired or unwritten_bytes)
@@ -82,6 +89,23 @@ def _print_summary(report: "RepairReport") -> None:
     if report.original:
         text = localized("the damaged file is kept as {file}", file=report.original)
         click.echo(f"  {text}")
+
+
+def _repair_rrd(file: Path) -> bool:
+    """Repair an .rrd file without its .mcap file. Return whether it was complete.
+
+    Raises:
+        CaptureError: It cannot be repaired.
+        OSError: It cannot be read.
+    """
+    from scaraspec_recorder.recordings.recovery import repair_rrd  # noqa: PLC0415 - slow to import
+
+    if not has_viewer():
+        raise Problem(NO_VIEWER)
+    repaired = repair_rrd(file)
+    text = localized("repaired, what followed its last part is lost" if repaired else "whole")
+    click.echo(f"{file}: {text}")
+    return not repaired
 
 
 def _draw(report: "RepairReport") -> None:

@@ -83,6 +83,33 @@ def test_a_truncated_rrd_file(processes: Any, recording: Path, cut: int) -> None
     assert sorted(path.name for path in recording.parent.iterdir()) == ["capture.mcap", drawn.name]
 
 
+def test_a_truncated_rrd_file_without_its_recording(processes: Any, recording: Path) -> None:
+    """What it contains remains, and the rest is reported as lost. A complete one is not changed."""
+    drawn = recording.with_suffix(".rrd")
+    processes.run("recover", str(recording))
+    recording.unlink()
+    whole = drawn.read_bytes()
+    drawn.write_bytes(whole[: len(whole) // 2])
+    done = processes.run("recover", str(drawn))
+    assert (done.returncode, done.stderr) == (3, "")
+    assert done.stdout == f"{drawn}: repaired, what followed its last part is lost\n"
+    repaired = drawn.read_bytes()
+    assert b"RRF2FOOT" in repaired[-12:]
+    done = processes.run("recover", str(drawn))
+    assert (done.returncode, done.stdout) == (0, f"{drawn}: whole\n")
+    assert drawn.read_bytes() == repaired
+
+
+def test_an_rrd_file_of_another_program(processes: Any, tmp_path: Path) -> None:
+    """It is refused and not changed."""
+    drawn = tmp_path / "other.rrd"
+    drawn.write_bytes(b"RRF2 of another program")
+    done = processes.run("recover", str(drawn))
+    assert done.returncode == 3
+    assert f"{drawn} is not an MCAP file" in done.stderr
+    assert drawn.read_bytes() == b"RRF2 of another program"
+
+
 def test_an_unrepairable_file_does_not_stop_the_others(processes: Any, recording: Path) -> None:
     """One sentence reports it, the others are repaired, and the exit status is 3."""
     empty = recording.with_name("empty.mcap")

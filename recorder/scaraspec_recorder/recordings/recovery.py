@@ -14,6 +14,7 @@ from pathlib import Path
 from scaraspec.user_message import UserMessage
 from scaraspec_recorder.errors import CaptureError
 from scaraspec_recorder.recordings.capture import write_rrd
+from scaraspec_recorder.recordings.recording_stats import RERUN_SUFFIX
 from scaraspec_recorder.recordings.repair import incomplete_rrd, is_full, repair
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.own_files import (
@@ -22,7 +23,7 @@ from scaraspec_recorder.sinks.own_files import (
     remove_temporary_files,
     temporary_file,
 )
-from scaraspec_recorder.sinks.rerun.optimizer import is_whole
+from scaraspec_recorder.sinks.rerun.optimizer import is_whole, optimize
 from scaraspec_recorder.sinks.sink import OutputFolder, Sink, SinkFactory
 from scaraspec_recorder.sources.mcap_reader import read_mcap
 from scaraspec_recorder.spool.locks import lock_spool, release_spool, remove_spool, spool_folder
@@ -54,6 +55,16 @@ def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
             _log.warning("not repaired: %s", error)
         else:
             _log.warning("repaired %s: %s", path, "; ".join(report.notes))
+    for drawn in sorted(folder.path.glob("*.rrd")):
+        if _unless_unreadable(is_lone_rrd, drawn) and not has_complete_rrd(drawn):
+            _log.warning(
+                "%s",
+                UserMessage(
+                    "{drawn} is incomplete, and its .mcap file is missing: "
+                    "scaraspec recover {drawn} repairs it",
+                    drawn=drawn,
+                ),
+            )
     return make(folder)
 
 
@@ -83,6 +94,37 @@ def locked_folder(folder: Path) -> Iterator[int]:
         release_spool(spool, held)
 
 
+def is_lone_rrd(path: Path) -> bool:
+    """Whether a file is an .rrd file of this recorder whose .mcap file was removed.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    return path.suffix == RERUN_SUFFIX and not path.with_suffix(".mcap").exists() and is_own(path)
+
+
+def repair_rrd(path: Path) -> bool:
+    """Repair an .rrd file without its .mcap file: what was written before the interruption remains.
+
+    Returns:
+        Whether it was rewritten; False if it was complete.
+
+    Raises:
+        CaptureError: It cannot be repaired, and is unchanged.
+        OSError: The file cannot be read.
+    """
+    if is_whole(path):
+        return False
+    if not optimize(path):
+        raise CaptureError(
+            UserMessage(
+                "{path} was not repaired: the tool rerun cannot read it, or the disk is full",
+                path=path,
+            )
+        )
+    return True
+
+
 def has_complete_rrd(path: Path) -> bool:
     """Whether a complete .rrd file exists."""
     return path.exists() and _unless_unreadable(is_whole, path)
@@ -96,7 +138,7 @@ def rebuild_rrd(path: Path) -> Path:
         OSError: The .rrd file cannot be written; the old one remains.
         ImportError: The extra for Rerun is not installed.
     """
-    drawn = path.with_suffix(".rrd")
+    drawn = path.with_suffix(RERUN_SUFFIX)
     temporary = temporary_file(drawn, REBUILT)
     try:
         shutil.copymode(path, temporary)

@@ -458,8 +458,13 @@ class Campaign:
         files = [file for file in self.plant.out.glob("*.mcap") if file.stat().st_size]
         if not files:
             return
+        alone = [
+            file
+            for file in self.plant.out.glob("*.rrd")
+            if file.stat().st_size and not file.with_suffix(".mcap").exists()
+        ]
         subprocess.run(
-            [sys.executable, "-m", "scaraspec", "recover", *map(str, files)],
+            [sys.executable, "-m", "scaraspec", "recover", *map(str, (*files, *alone))],
             capture_output=True,
             check=False,
         )

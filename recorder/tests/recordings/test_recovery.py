@@ -48,6 +48,18 @@ def test_an_incomplete_rrd_file_is_reported(
     assert [line.endswith(expected) for line in caplog.messages] == [True] * reported
 
 
+def test_an_incomplete_rrd_file_without_its_recording_is_reported(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One of another program is not."""
+    drawn = tmp_path / "earlier.rrd"
+    drawn.write_bytes(b"RRF2 of scaraspec, torn")
+    (tmp_path / "other.rrd").write_bytes(b"RRF2 of another program")
+    sink_after_repair(OutputFolder(tmp_path, []), make=make).close()
+    expected = f"its .mcap file is missing: scaraspec recover {drawn} repairs it"
+    assert [line.endswith(expected) for line in caplog.messages] == [True]
+
+
 def test_the_start_waits_for_disk_space(
     unfinished: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
