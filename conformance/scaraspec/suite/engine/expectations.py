@@ -120,7 +120,7 @@ class CaseInconclusive(Exception):  # noqa: N818 - it is not an error
 
 
 class SentTooSlowly(CaseInconclusive):
-    """The suite sent a request so slowly that it needs no answer. The case is tried again."""
+    """The suite sent so slowly that the result proves nothing. The case is tried again."""
 
     reason = Reason.STALLED
 

@@ -6,7 +6,7 @@ A transfer must survive 25 s of silence and must have ended after 60 s. An end b
 
 from typing import Final, NamedTuple
 
-from scaraspec.suite.engine.expectations import CaseInconclusive
+from scaraspec.suite.engine.expectations import CaseInconclusive, SentTooSlowly
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.user_message import UserMessage
 
@@ -36,23 +36,29 @@ def transfer_timeouts_of(subject: SystemUnderTest) -> TransferTimeouts:
     return TransferTimeouts(25 * scale, 27 * scale, 35 * scale, 60 * scale)
 
 
-def silence_message(silence_s: float, own_s: float) -> UserMessage:
-    """Return why a silence during a transfer was too long for a verdict.
+def too_slow(silence_s: float, own_s: float) -> CaseInconclusive:
+    """Return that a silence during a transfer was too long for a verdict, and why.
+
+    If this machine caused it, the case is tried again.
 
     Args:
         silence_s: The time between two frames of the suite, in seconds.
         own_s: The part of it after the subject has sent a frame.
     """
     if own_s >= silence_s / 2:
-        return UserMessage(
-            "this machine is too slow: the suite was silent for {silence_s:.3f} s",
-            silence_s=silence_s,
+        return SentTooSlowly(
+            UserMessage(
+                "this machine is too slow: the suite was silent for {silence_s:.3f} s",
+                silence_s=silence_s,
+            )
         )
-    return UserMessage(
-        "the subject or the network is too slow: the suite was silent for {silence_s:.3f} s, "
-        "because it waited for a frame for {waited_s:.3f} s",
-        silence_s=silence_s,
-        waited_s=silence_s - own_s,
+    return CaseInconclusive(
+        UserMessage(
+            "the subject or the network is too slow: the suite was silent for {silence_s:.3f} s, "
+            "because it waited for a frame for {waited_s:.3f} s",
+            silence_s=silence_s,
+            waited_s=silence_s - own_s,
+        )
     )
 
 
@@ -78,10 +84,10 @@ class Silence:
         """Require that the silence is not too long: a slow machine must not cause a failure.
 
         Raises:
-            CaseInconclusive: The silence is longer than the limit.
+            SentTooSlowly: The silence is longer than the limit.
         """
         if self.elapsed_s > limit_s:
-            raise CaseInconclusive(
+            raise SentTooSlowly(
                 UserMessage(
                     "this machine or the subject is too slow: "
                     "the suite was silent for {passed_s:.3f} s",

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -243,13 +243,17 @@ def test_other_conforming_controllers_pass(
 
 @dataclass(frozen=True)
 class StallingAccess(MemoryAccess):
-    """A computer that stalls for 31 s before it sends one frame with a given opcode."""
+    """A computer that stalls for 31 s before it sends one frame with a given opcode.
+
+    Once on each connection; with `sent`, once on all.
+    """
 
     opcode: int = 0
     number: int = 3
+    sent: Iterator[int] | None = None
 
     def connect(self) -> Link:
-        link, sent = super().connect(), itertools.count(1)
+        link, sent = super().connect(), self.sent or itertools.count(1)
         send = link.send
 
         def stall(data: bytes) -> int:
@@ -259,6 +263,20 @@ class StallingAccess(MemoryAccess):
 
         link.send = stall  # type: ignore[method-assign]  # of this one link
         return link
+
+
+def test_a_case_is_repeated_after_a_delay() -> None:
+    """A computer that was slow once costs no verdict."""
+    access = StallingAccess(
+        Robot(ControllerCore, DEFAULT).network, opcode=UPLOAD_CHUNK, sent=itertools.count(1)
+    )
+    options = Options(only=frozenset({"5.2/16"}), allowed=ALL)
+    results = Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
+    (repeated,) = (case for case in results.cases if case.attempts)
+    assert repeated.verdict is Verdict.PASS
+    assert str(repeated.attempts[0].message) == (
+        "this machine is too slow: the suite was silent for 31.000 s"
+    )
 
 
 @pytest.mark.parametrize(

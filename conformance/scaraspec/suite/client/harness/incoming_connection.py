@@ -19,13 +19,12 @@ from scaraspec.suite.client.harness.valid_bytes import expect_valid_bytes
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
-    CaseInconclusive,
     CaseSkipped,
     NoReply,
     OperationRefused,
     expect_equal,
 )
-from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
+from scaraspec.suite.engine.transfer_timeouts import too_slow, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind
 from scaraspec.transports.link import Link
@@ -193,7 +192,7 @@ class IncomingConnection(Connection):
         if silence_ns / _NS > transfer_timeouts_of(self._subject).early_s:
             received_ns = [at for at in self._received_ns if begun_ns <= at <= ended_ns]
             own_ns = ended_ns - min(received_ns, default=begun_ns)
-            raise CaseInconclusive(silence_message(silence_ns / _NS, own_ns / _NS))
+            raise too_slow(silence_ns / _NS, own_ns / _NS)
 
     # ------------------------------------------------------------------ sending
 

@@ -27,7 +27,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     SentTooSlowly,
 )
-from scaraspec.suite.engine.transfer_timeouts import silence_message, transfer_timeouts_of
+from scaraspec.suite.engine.transfer_timeouts import too_slow, transfer_timeouts_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.robot_state import LONGEST_PAUSE_NS
 from scaraspec.traffic.transfers import CHUNKS, NAMES
@@ -193,7 +193,7 @@ class OutgoingConnection(Connection):
             CaseInconclusive: This machine, the network or the subject was too slow.
         """
         if (pause_s := self._pause_ns / _NS) > transfer_timeouts_of(self._subject).early_s:
-            raise CaseInconclusive(silence_message(pause_s, self._own_pause_ns / _NS))
+            raise too_slow(pause_s, self._own_pause_ns / _NS)
 
     # ------------------------------------------------------------------ requests
 
