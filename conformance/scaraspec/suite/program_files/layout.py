@@ -38,6 +38,7 @@ TRIAL_S: Final = 3
 """How long the programs wait, in seconds of the subject's clock."""
 _DAMAGED: Final = ("05", "20")  # the codes for a file that is no valid program (A-4.15-2)
 _SLICE_S: Final = 0.5
+"""The time between two status queries, in seconds of the subject's clock."""
 _NS: Final = 1e9
 
 
@@ -201,24 +202,31 @@ def _try(
 def _watch(
     subject: ControllerUnderTest, line: OutgoingConnection, requested_s: float
 ) -> tuple[ReceivedFrame | None, float]:
-    """Wait for the end of a program; an idle status shows it twice, and after a plausible time.
+    """Wait for the end of a program.
+
+    Without a result, two idle statuses show it: after the program was seen to run for a plausible
+    time, or when it must have ended.
 
     Returns:
         The final result, or None if it is missing; and when the status last showed that the program
         runs, or when it was requested.
     """
+    trial_s, slice_s = (each / subject.ics.time_scale for each in (TRIAL_S, _SLICE_S))
     deadline, ran_until_s = Deadline(subject, TRIAL_S + subject.reply_s), requested_s
     status: str | None = None
     while not (deadline.expired or line.ended):
         with suppress(NoReply):
-            within_s = min(_SLICE_S, deadline.remaining_s)
+            within_s = min(slice_s, deadline.remaining_s)
             return line.result("run_program", within_s=within_s, untagged=True), ran_until_s
         if not is_responsive(subject, line):
             continue
         before, status = status, status_of(subject, line)
         if status in BUSY:
             ran_until_s = subject.now_ns / _NS
-        elif before == status == IDLE and _waited(subject, requested_s, ran_until_s):
+        elif before == status == IDLE and (
+            _waited(subject, requested_s, ran_until_s)
+            or subject.now_ns / _NS > requested_s + trial_s + slice_s
+        ):
             break
     with suppress(NoReply):
         return line.result("run_program", within_s=SILENCE_S, untagged=True), ran_until_s

@@ -2,12 +2,18 @@
 
 import pytest
 
+from fast_simulator import FastSimulator
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.mutants.controller import mutants
-from scaraspec.mutants.controller_run import prove_controller
+from scaraspec.mutants.controller_run import PASSWORD, Robot, prove_controller
+from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
 
 _CASES = "4.8/4,4.15/5,6.5/20"
 _LONG_CASE = "5.4/5"
@@ -36,6 +42,20 @@ def test_run_without_final_results_ends_soon(fault: str) -> None:
     assert verdicts["4.15/5"] is Verdict.FAIL
     assert results.readings["controller"]["prog_layout"].options == ("ilp32",)
     assert _duration_s(results) < 60 + 5 * _duration_s(_results(cases))
+
+
+def test_a_fast_simulator_without_final_results() -> None:
+    """Its status is queried as often in its own time, so no other layout is tried."""
+
+    class Fast(FastSimulator, mutants()["run-ends-under-its-neighbour"].wrong): ...
+
+    options = Options(frozenset({"4.15/5"}), allowed=ALL, examples=1)
+    ics = Ics(time_scale=FastSimulator.SCALE)
+    access = MemoryAccess(Robot(Fast, DEFAULT).network)
+    results = Run(ControllerAdapter(access, ics, PASSWORD, options)).results()
+    (verdict,) = (each.verdict for each in results.requirements if each.id == "4.15/5")
+    assert verdict is Verdict.FAIL
+    assert _duration_s(results) < 60
 
 
 def test_cases_are_inconclusive_after_the_wait_budget() -> None:

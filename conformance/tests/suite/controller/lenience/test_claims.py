@@ -5,11 +5,12 @@ from typing import Any
 
 import pytest
 
+from fast_simulator import FastSimulator
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.session import Action, Carrier, Request
+from scaraspec.virtual_controller.session import Request
 
 RunCases = Callable[..., Any]
 
@@ -43,29 +44,6 @@ def test_network_after_restart_is_skipped_without_the_hook(run_cases: RunCases) 
 def test_network_after_restart_fails_without_the_claim(run_cases: RunCases) -> None:
     """Without the claim, the default applies."""
     assert run_cases(AppliesNetworkAfterRestart, "4.4/4")["4.4/4"].verdict is Verdict.FAIL
-
-
-class FastSimulator(ControllerCore):
-    """A simulator whose clock runs eight times as fast."""
-
-    SCALE = 8
-
-    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
-        return super().open(connection, now_s * self.SCALE, link)
-
-    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
-        return super().receive(connection, data, now_s * self.SCALE)
-
-    def close(self, connection: int, now_s: float) -> list[Action]:
-        return super().close(connection, now_s * self.SCALE)
-
-    def advance(self, now_s: float) -> list[Action]:
-        return super().advance(now_s * self.SCALE)
-
-    @property
-    def next_event_s(self) -> float | None:
-        event_s = super().next_event_s
-        return None if event_s is None else event_s / self.SCALE
 
 
 def test_a_simulator_may_be_faster(run_cases: RunCases) -> None:
