@@ -95,7 +95,7 @@ class ByteStream:
         self.acknowledges = False
         self.used_corrupt = 0
         self.conflict: tuple[int, int] | None = None
-        self._delivered = b""  # the last bytes before `next`
+        self._delivered = bytearray()  # the last bytes before `next`, and some before them
         self._ends: deque[tuple[int, PacketTime]] = deque()  # each known end after `next`, and when
         self._corrupt: dict[int, tuple[PacketTime, int, bytes]] = {}  # by position, as in _waiting
         self._waiting: list[
@@ -160,24 +160,35 @@ class ByteStream:
             and self._fin is None
             and self._far is None
             and self.conflict is None
-            and self._position(number) == self.next
+            and self._origin is not None
+            and (number - self._origin - self.next) % _MODULUS == 0
         )
 
-    def has_delivered(self, ack: int) -> bool:
-        """Whether every byte that is acknowledged was delivered."""
-        return self.start is not None and self._far is None and self._position(ack) <= self.next
+    def delivered_up_to(self, ack: int) -> int | None:
+        """Return the position of an acknowledgment; None if not every byte before was delivered."""
+        if self.start is None or self._far is not None:
+            return None
+        position = self._position(ack)
+        return position if position <= self.next else None
 
-    def append(self, data: bytes, at: PacketTime, acknowledged_peer: int) -> WireEvent:
+    def append(self, data: bytes, at: PacketTime) -> WireEvent:
         """Deliver bytes that continue the stream, while none is missing.
 
         Returns:
             Their event, which is released.
         """
-        end = self._seen = self.released = self.next + len(data)
-        event = self._ready(Kind.BYTES, at, end, acknowledged_peer, data=data).event
-        self.next = end
-        self._delivered = (self._delivered + data)[-_COMPARED_BYTES:]
+        self.last = max(self.last, at)
+        fields = (self.last.time_ns, self.connection, self.direction, Kind.BYTES)
+        event = WireEvent(*fields, data, self.offset_bytes, packet=at.packet)
+        self._seen = self.released = self.next = self.next + len(data)
+        self._keep(data)
         return event
+
+    def _keep(self, data: bytes) -> None:
+        """Keep delivered bytes for comparison."""
+        self._delivered += data
+        if len(self._delivered) > 2 * _COMPARED_BYTES:
+            del self._delivered[:-_COMPARED_BYTES]
 
     def note_acknowledgment(self) -> None:
         """Note a segment without data from this sender, while no byte is missing."""
@@ -243,7 +254,7 @@ class ByteStream:
                 end = self.next + len(fresh)
                 yield self._ready(Kind.BYTES, at, end, acknowledged_peer, data=fresh)
                 self.next = end
-                self._delivered = (self._delivered + fresh)[-_COMPARED_BYTES:]
+                self._keep(fresh)
         self._drop_corrupt()
         if self._fin is not None and self.next >= self._fin:
             self.ended = True
@@ -288,16 +299,17 @@ class ByteStream:
                 note += "; the last byte may have been the end of the stream (FIN)"
             yield self._ready(Kind.GAP, since, end, length_bytes=end - self.next, note=note)
             self.next = end
-            self._delivered = b""
+            self._delivered.clear()
             yield from self.advance()
 
     def _compare(self, position: int, data: bytes) -> None:
         """Compare repeated bytes with those that were delivered, as far as these are kept."""
         if len(data) == 1 and position == self.next - 1:
             return  # a keep-alive, whose byte has no meaning
-        first = self.next - len(self._delivered)
+        delivered = self._delivered[-_COMPARED_BYTES:]
+        first = self.next - len(delivered)
         data, position = data[max(first - position, 0) :], max(position, first)
-        kept = self._delivered[position - first :][: len(data)]
+        kept = delivered[position - first :][: len(data)]
         if kept != data[: len(kept)]:
             self.conflict = (position, len(kept))
 

@@ -70,11 +70,6 @@ class PcapSummary:
     unreliable: list[WireRange] = field(default_factory=list)
     losses: int = 0
 
-    def counted(self, events: Sequence[WireEvent]) -> Sequence[WireEvent]:
-        """Count the gaps among these events, and return the events."""
-        self.losses += sum(event.is_loss for event in events)
-        return events
-
     @property
     def complete(self) -> bool:
         """Whether nothing is missing in what was captured."""
@@ -148,8 +143,12 @@ class PcapCapture:
             elif segment.time_ns < latest_ns:
                 oddities["not in the order of time"] += 1
             latest_ns = max(latest_ns, segment.time_ns)
-            yield from summary.counted(reassembler.receive(segment))
-        yield from summary.counted(reassembler.finish())
+            for event in reassembler.receive(segment):
+                summary.losses += event.is_loss
+                yield event
+        for event in reassembler.finish():
+            summary.losses += event.is_loss
+            yield event
         summary.connections = reassembler.connections
         summary.unreliable = reassembler.unreliable
         summary.whole = summary.whole and not reassembler.conflicts

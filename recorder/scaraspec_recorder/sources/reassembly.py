@@ -220,20 +220,22 @@ class Reassembler:
             and segment.time_ns
             and 0 <= time_ns - self._latest_ns <= _FORWARD_NS
             and sender.continues_at(segment.seq)
-            and receiver.has_delivered(segment.ack)
         ):
+            return None
+        position = receiver.delivered_up_to(segment.ack)
+        if position is None:
             return None
         self._followed.move_to_end(ends)
         self._latest_ns = time_ns
         connection.under_way = True
-        acknowledged = receiver.acknowledge(segment.ack)
+        receiver.acknowledged = max(receiver.acknowledged, position)
         if not segment.payload:
             sender.note_acknowledgment()
             return []
         self._computes_checksums.add(src)
         at = PacketTime(time_ns, 3 * self._received, segment.packet)
         self._released_ns = time_ns
-        return [sender.append(segment.payload, at, acknowledged)]
+        return [sender.append(segment.payload, at)]
 
     def _on_one_clock(self, connection: _Connection, segment: Segment) -> Segment:
         """Return the segment with a monotonic time; by default, with the latest time."""
