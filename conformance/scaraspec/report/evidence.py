@@ -44,11 +44,11 @@ class EvidenceCollector:
         self._packets = PacketIndex()
         self._packet_of: dict[WireRange, int] = {}
         self._recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
-        self._last: tuple[FrameSeen, ...] = ()
+        self._last: Exchange | None = None
         self._stored: dict[WireRange, Evidence] = {}
         self._findings: Counter[str] = Counter()
         self._passing: Exchange | None = None  # the current exchange, without a failure so far
-        self._passed: dict[str, tuple[FrameSeen, ...]] = {}
+        self._passed: dict[str, Exchange] = {}
 
     def add(self, item: TrafficEvent | Finding) -> None:
         """Add the next item; a finding follows the event that it judges."""
@@ -58,16 +58,15 @@ class EvidenceCollector:
             self._store(item)
             return
         if self._passing:
-            self._passed[self._passing.name] = self._passing.frames
+            self._passed[self._passing.name] = self._passing
             self._passing = None
-        match item:
-            case FrameSeen() | InvalidBytes():
-                self._recent.append(item)
-            case Exchange():
-                self._last = item.frames
-                self._passing = item if item.ending is Ending.ANSWERED else None
-            case Transfer():
-                self._last = item.opening.frames if item.opening else ()
+        if isinstance(item, FrameSeen | InvalidBytes):
+            self._recent.append(item)
+        elif isinstance(item, Exchange):
+            self._last = item
+            self._passing = item if item.ending is Ending.ANSWERED else None
+        elif isinstance(item, Transfer):
+            self._last = item.opening
 
     def note_packet(self, event: WireEvent) -> None:
         """Store which packet or message of the capture has the bytes of an event."""
@@ -81,7 +80,8 @@ class EvidenceCollector:
     def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
         """Return the last passing exchange of the command at the end of `wire`; empty if none."""
         name = next((evidence.note.partition(",")[0] for evidence in reversed(wire)), "")
-        return tuple(evidence_of(seen) for seen in self._passed.get(name, ()))
+        passed = self._passed.get(name)
+        return tuple(evidence_of(seen) for seen in passed.frames) if passed else ()
 
     def _store(self, finding: Finding) -> None:
         self._findings[finding.requirement] += 1
@@ -90,7 +90,8 @@ class EvidenceCollector:
         for place in finding.evidence:
             self._packet_of[place] = self._packets.find(place)
         needed = set(finding.evidence) - self._stored.keys()
-        for seen in chain(self._last, reversed(self._recent)):
+        last = self._last.frames if self._last else ()
+        for seen in chain(last, reversed(self._recent)):
             if not needed:
                 return
             if seen.place in needed:

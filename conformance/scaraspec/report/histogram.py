@@ -28,7 +28,8 @@ class Histogram:
     def add(self, duration_ns: int) -> None:
         """Add one duration."""
         duration_ns = max(duration_ns, 0)
-        self._min_ns = min(self._min_ns, duration_ns) if self._count else duration_ns
+        if duration_ns < self._min_ns or not self._count:
+            self._min_ns = duration_ns
         self._max_ns = max(self._max_ns, duration_ns)
         self._count += 1
         octaves = math.log2(max(duration_ns, _FIRST_NS) / _FIRST_NS)

@@ -179,7 +179,8 @@ class SessionStats:
 
     def _connection_at(self, name: str, time_ns: int) -> _Connection | None:
         """Return the connection and extend it to `time_ns`; None if it is not listed."""
-        self._begun_ns = time_ns if self._begun_ns is None else min(self._begun_ns, time_ns)
+        if self._begun_ns is None or time_ns < self._begun_ns:
+            self._begun_ns = time_ns
         self._ended_ns = max(self._ended_ns, time_ns)
         connection = self._connections.get(name)
         if connection is None:
@@ -233,10 +234,10 @@ class SessionStats:
         command.refused += exchange.accepted is False
         if exchange.ending is not Ending.ANSWERED:
             command.endings[exchange.ending.value] += 1
-        if exchange.latency_ns is not None:
-            command.latency.add(exchange.latency_ns)
-        if exchange.duration_ns is not None:
-            command.duration.add(exchange.duration_ns)
+        if (latency_ns := exchange.latency_ns) is not None:
+            command.latency.add(latency_ns)
+        if (duration_ns := exchange.duration_ns) is not None:
+            command.duration.add(duration_ns)
         if exchange.name in _RUNS:
             self._add_to("runs", self._runs, _run(exchange))
 
