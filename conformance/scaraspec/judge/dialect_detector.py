@@ -1,7 +1,7 @@
 """Dialect detection: which reading of each open point a peer follows, and whether it mixes two."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
@@ -17,14 +17,28 @@ class ReadingObservation(NamedTuple):
     option: str
 
 
-def observed_readings(traffic_event: TrafficEvent) -> Iterator[ReadingObservation]:
-    """Yield the readings that a traffic event shows; an uncertain event shows none."""
+_SHOW_READINGS: Final = frozenset(
+    ("get_default_program", "get_motor_temperatures", "list_programs")
+)
+"""Queries whose exchanges show readings."""
+
+
+def observed_readings(traffic_event: TrafficEvent) -> Iterable[ReadingObservation]:
+    """Return the readings that a traffic event shows; an uncertain event shows none."""
     if isinstance(traffic_event, FrameSeen):
-        if traffic_event.parsed and traffic_event.certain:
-            for key, option in traffic_event.parsed.decoded.readings:
-                yield ReadingObservation(traffic_event.frame.direction, key, option)
-    elif isinstance(traffic_event, Exchange) and traffic_event.certain:
-        yield from _of_exchange(traffic_event)
+        parsed = traffic_event.parsed
+        if not parsed or not parsed.decoded.readings or not traffic_event.certain:
+            return ()
+        peer = traffic_event.frame.direction
+        return [ReadingObservation(peer, *shown) for shown in parsed.decoded.readings]
+    if not isinstance(traffic_event, Exchange) or not traffic_event.certain:
+        return ()
+    return _of_exchange(traffic_event) if _may_show(traffic_event) else ()
+
+
+def _may_show(x: Exchange) -> bool:
+    two_stage = x.command is None or x.command.two_stage
+    return two_stage or x.logged_in is False or x.name in _SHOW_READINGS
 
 
 def _of_exchange(x: Exchange) -> Iterator[ReadingObservation]:

@@ -9,7 +9,7 @@ import re
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache
 from itertools import groupby
 from typing import Final, NamedTuple
 
@@ -27,9 +27,7 @@ from scaraspec.judge.rules.rule import (
 )
 from scaraspec.judge.scope import EVERYTHING, Scope, responsible_side
 from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Side, Verdict, conclude, worst
-from scaraspec.protocol.commands import parse_frame
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
 from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent, Transfer
@@ -62,14 +60,8 @@ _IN_OTHER_BYTES: Final = "not decided: the receiver may have read it as part of 
 _SIDES: Final = {A2C: Side.CLIENT, C2A: Side.CONTROLLER, None: None}
 
 
-_Checks = tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
-"""Check functions, each with the requirements that it decides, and those of them in scope."""
-
-_CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
-"""Cache of the checks by scope and kind of traffic event; every judge has the same rules."""
-
-_KNOWN_FRAMES: Final = 1024
-"""Distinct frames whose results are kept; polling repeats the same frames."""
+_KNOWN: Final = 1024
+"""Distinct frames and exchanges whose results are kept; polling repeats the same ones."""
 _NOWHERE: Final = WireRange("", A2C, 0, 0, 0)
 _UNKNOWN_STATE: Final = RobotState()
 
@@ -84,6 +76,20 @@ class _Results(NamedTuple):
 
     passed: list[str]
     others: list[tuple[RuleResult, tuple[str, ...], tuple[str, ...]]]
+
+
+class _Checks(NamedTuple):
+    """The checks of one kind of traffic event.
+
+    Each check has the requirements that it decides, and those of them in scope.
+
+    Attributes:
+        by_bytes: The checks of rules that depend on the bytes of the event alone.
+        others: The other checks.
+    """
+
+    by_bytes: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
+    others: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
 
 
 @dataclass(slots=True)
@@ -135,7 +141,7 @@ class Judge:
         self._needs_login = needs_login
         self._longest_pause_ns = round(LONGEST_PAUSE_NS / time_scale)
         self._dialogues: dict[str, Dialogue] = {}
-        self._judge_frame = _frame_judge(scope)
+        self._rules = _rules_in(scope)
         self._is_partial = scope.selection != EVERYTHING.selection
 
     def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
@@ -194,21 +200,27 @@ class Judge:
             yield traffic_event
             yield from self.judge(traffic_event, dialogue.robot)
 
-    def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Iterator[Finding]:
-        """Apply every rule for this traffic event; yield the findings other than passes."""
+    def judge(self, traffic_event: TrafficEvent, robot: RobotState) -> Sequence[Finding]:
+        """Apply every rule for this traffic event; return the findings other than passes."""
         self.dialect_seen.add(traffic_event)
         if self._is_partial and not self.scope.selection.includes(traffic_event):
             robot.remember(traffic_event)
-            return
-        if isinstance(traffic_event, FrameSeen):
-            results = self._judge_frame(traffic_event.frame)
-        else:
-            if isinstance(traffic_event, Transfer):
-                self.dialect_seen.counts.update(observed_file_readings(traffic_event))
-            results = _results(traffic_event, robot, self.scope)
+            return ()
+        if isinstance(traffic_event, Transfer):
+            self.dialect_seen.counts.update(observed_file_readings(traffic_event))
+        results = self._rules.apply(traffic_event, robot)
         tallies = self.tallies
         for requirement in results.passed:
             tallies[requirement].passes += 1
+        findings = self._findings(results, traffic_event, robot) if results.others else ()
+        robot.remember(traffic_event)
+        return findings
+
+    def _findings(
+        self, results: _Results, traffic_event: TrafficEvent, robot: RobotState
+    ) -> list[Finding]:
+        """Return the findings for results other than passes, and count them."""
+        findings = []
         unreliable = _unreliable(traffic_event, robot)
         for judged, requirements, in_scope in results.others:
             if unreliable and judged.verdict is Verdict.TOLERATED:
@@ -219,8 +231,8 @@ class Judge:
                     self._tally(finding)
                 elif not self.scope.concerns(requirement, traffic_event):
                     self.other_side += 1
-                yield finding
-        robot.remember(traffic_event)
+                findings.append(finding)
+        return findings
 
     def discredit(self, unreliable: Sequence[WireRange]) -> None:
         """Make the failures that rest on unreliable bytes inconclusive.
@@ -293,47 +305,76 @@ class Judge:
         return conclude(Counter(tally.verdict for tally in self.tallies.values()))
 
 
-@cache
-def _frame_judge(scope: Scope) -> Callable[[Frame], _Results]:
-    """Return a function that applies the rules for frames, once for each distinct frame.
+class _RulesInScope:
+    """Applies the rules, of which a scope names the requirements that count."""
 
-    These rules depend on the frame alone: they see neither its place and times nor the state.
-    """
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
+        self._checks: dict[tuple[object, ...], _Checks] = {}
+        self._by_bytes: dict[tuple[object, ...], _Results] = {}
 
-    @lru_cache(maxsize=_KNOWN_FRAMES)
-    def judge(frame: Frame) -> _Results:
-        return _results(FrameSeen(frame, _NOWHERE, 0, parse_frame(frame)), _UNKNOWN_STATE, scope)
+    def apply(self, traffic_event: TrafficEvent, robot: RobotState) -> _Results:
+        """Apply every rule for this traffic event."""
+        if isinstance(traffic_event, FrameSeen):
+            return self._of_bytes(traffic_event, traffic_event.frame)
+        checks = self._checks_for(traffic_event)
+        results = _Results([], [])
+        if isinstance(traffic_event, Exchange) and traffic_event.plain:
+            known = self._of_bytes(traffic_event, traffic_event.bytes_key)
+            results.passed.extend(known.passed)
+            results.others.extend(known.others)
+        else:
+            _apply(checks.by_bytes, traffic_event, robot, results)
+        _apply(checks.others, traffic_event, robot, results)
+        return results
 
-    return judge
+    def _of_bytes(self, traffic_event: FrameSeen | Exchange, key: tuple[object, ...]) -> _Results:
+        """Apply the rules that depend on the bytes of an event alone, once for equal bytes."""
+        results = self._by_bytes.get(key)
+        if results is None:
+            results = _Results([], [])
+            checks = self._checks_for(traffic_event)
+            _apply(checks.by_bytes, traffic_event, _UNKNOWN_STATE, results)
+            if len(self._by_bytes) >= _KNOWN:
+                self._by_bytes.clear()
+            if not any(judged.places for judged, *_ in results.others):
+                self._by_bytes[key] = results
+        return results
+
+    def _checks_for(self, traffic_event: TrafficEvent) -> _Checks:
+        """Return the checks for a traffic event, each once, with the requirements they decide."""
+        kind = kind_of(traffic_event)
+        checks = self._checks.get(kind)
+        if checks is None:
+            rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
+            grouped = [[*group] for _, group in groupby(rules, key=lambda rule: rule.check)]
+            found: dict[bool, list[tuple[Check, tuple[str, ...], tuple[str, ...]]]]
+            found = {True: [], False: []}
+            for group in grouped:
+                ids = tuple(rule.requirement for rule in group)
+                in_scope = tuple(i for i in ids if self._scope.includes(i, traffic_event))
+                found[group[0].by_bytes].append((group[0].check, ids, in_scope))
+            checks = self._checks[kind] = _Checks(tuple(found[True]), tuple(found[False]))
+        return checks
 
 
-def _results(traffic_event: TrafficEvent, robot: RobotState, scope: Scope) -> _Results:
-    """Apply every rule for this traffic event."""
-    results = _Results([], [])
-    for check, requirements, in_scope in _checks_for(traffic_event, scope):
+_rules_in = cache(_RulesInScope)
+"""Every judge with the same scope has the same rules."""
+
+
+def _apply(
+    checks: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...],
+    traffic_event: TrafficEvent,
+    robot: RobotState,
+    results: _Results,
+) -> None:
+    """Add the results of checks."""
+    for check, requirements, in_scope in checks:
         judged = check(traffic_event, robot)
         if judged is PASSED:
             results.passed.extend(in_scope)
         elif judged is not None:
             results.others.append((judged, requirements, in_scope))
-    return results
-
-
-def _checks_for(traffic_event: TrafficEvent, scope: Scope) -> _Checks:
-    """Return the checks for a traffic event, each once, with the requirements they decide."""
-    kind = (scope, *kind_of(traffic_event))
-    checks = _CHECKS.get(kind)
-    if checks is None:
-        rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
-        grouped = [
-            (check, tuple(rule.requirement for rule in group))
-            for check, group in groupby(rules, key=lambda rule: rule.check)
-        ]
-        checks = _CHECKS[kind] = tuple(
-            (check, ids, tuple(i for i in ids if scope.includes(i, traffic_event)))
-            for check, ids in grouped
-        )
-    return checks
 
 
 def _rests_on(finding: Finding, ranges: Sequence[WireRange]) -> bool:

@@ -294,7 +294,23 @@ class Parsed(NamedTuple):
     decoded: Decoded
 
 
-@lru_cache(maxsize=1024)
+_KNOWN_FRAMES: Final = 1024
+"""Distinct frames that are kept: polling clients repeat the same frames."""
+
+
+@lru_cache(maxsize=_KNOWN_FRAMES)
+def read_frame(direction: Direction, data: bytes) -> tuple[Frame, Parsed | None]:
+    """Decode the bytes of a frame without a tag.
+
+    Args:
+        direction: The sender.
+        data: Exactly one frame, from its start byte to its end byte.
+    """
+    frame = Frame(direction, data[1], data[3:-1])
+    return frame, parse_frame(frame)
+
+
+@lru_cache(maxsize=_KNOWN_FRAMES)
 def parse_frame(frame: Frame) -> Parsed | None:
     """Decode a frame by its own opcode, without regard to earlier requests.
 

@@ -94,7 +94,8 @@ def show(data: bytes, limit: int = SHOWN_CHARACTERS) -> str:
         break
     else:
         text = data.decode("latin-1")
-    text = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 

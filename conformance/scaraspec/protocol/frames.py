@@ -114,6 +114,26 @@ class Framer:
         """Number of buffered bytes of an unfinished frame."""
         return len(self._buffer)
 
+    def take_whole(self, data: bytes) -> bool:
+        """Take the next bytes of the stream if they are exactly one frame without a tag.
+
+        Returns:
+            False if they are not, or if earlier bytes matter; then nothing was taken.
+        """
+        size = len(data)
+        whole = (
+            not self._buffer
+            and self._resync_filter is None
+            and size >= _MIN_FRAME_BYTES
+            and data[2] == size - _MIN_FRAME_BYTES
+            and data[0] == self._start
+            and data[-1] == self._end
+            and data[1] != self._tag
+        )
+        if whole:
+            self.offset_bytes += size
+        return whole
+
     def feed(self, data: bytes) -> list[StreamItem]:
         """Add the next bytes of the stream and return the items that they complete, in order.
 

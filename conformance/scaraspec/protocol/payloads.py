@@ -195,7 +195,7 @@ def split_fields(data: bytes, parts: tuple[Field, ...], diagnostics: Diagnostics
         )
         return data.split(b" ")
     texts = data.split(b"|")
-    if len(texts) != count:
+    if len(texts) != count or b" " not in data:
         return texts
     bare = [t if part.opaque else t.strip(b" ") for part, t in zip(parts, texts, strict=True)]
     if bare != texts:

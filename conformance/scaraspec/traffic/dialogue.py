@@ -4,11 +4,11 @@ Bytes become frames, and frames become exchanges and transfers. This module does
 they conform. Memory is bounded: finished events are returned and dropped.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Final
 
-from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.commands import BY_OPCODE, COMMANDS
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.hazard import Hazard
@@ -28,11 +28,18 @@ from scaraspec.traffic.pending_requests import PendingRequests
 from scaraspec.traffic.pending_results import PendingResults
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.stream import Stream
-from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_reply
+from scaraspec.traffic.transfers import CHUNKS, NAMES, TransferTracker, refuses_reply
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _QUERY_BYTES: Final = 4  # a request without data
 _MAX_PARTS: Final = 256  # kept parts of one program list; older ones are dropped
+_POLLS: Final = frozenset(
+    command.name
+    for command in COMMANDS
+    if command.hazard is Hazard.READ_ONLY
+    and command.name not in ("login", "list_programs", *NAMES, *CHUNKS)
+)
+"""Queries with one reply, which change nothing: most of the traffic."""
 
 
 class Dialogue:
@@ -87,8 +94,61 @@ class Dialogue:
         timeout_ns = self._pending_requests.reply_ns
         return max(self._last_bytes_ns[gap.direction], gap.time_ns - timeout_ns)
 
-    def feed(self, event: WireEvent) -> Iterator[TrafficEvent]:
-        """Process the next event of this connection; yield the traffic events that it completes."""
+    def feed(self, event: WireEvent) -> Iterable[TrafficEvent]:
+        """Process the next event of this connection; return the traffic events it completes."""
+        if event.kind is Kind.BYTES and self._is_quiet(event):
+            seen = self._streams[event.direction].take_whole(event)
+            if seen:
+                self._now_ns = self._last_bytes_ns[event.direction] = event.time_ns
+                return (seen.name in _POLLS and self._poll(seen)) or self._process(seen)
+        return self._feed(event)
+
+    def _is_quiet(self, event: WireEvent) -> bool:
+        """Whether nothing but the reply to one request is expected, and nothing is missing.
+
+        `_feed` then processes the frames of an event, and has nothing else to do. While a gap may
+        matter, a stream is not settled, or takes no whole frame.
+        """
+        return (
+            self._started
+            and self._pending_requests.at_most_one
+            and self._streams[event.direction.opposite].settled
+            and not self._transfers.unfinished
+            and self.robot.gaps.is_over(event.time_ns)
+        )
+
+    def _poll(self, seen: FrameSeen) -> tuple[TrafficEvent, ...]:
+        """The short path of `_process` for the usual frame: of a poll, or its expected reply.
+
+        Returns:
+            What `_process` would give; empty if `_process` is needed, and nothing has changed.
+        """
+        if seen.frame.direction is A2C:
+            request = self._make_exchange(seen, certain=seen.certain)
+            dropped = self._pending_requests.add(request)
+            self._pending_results.request_sent(request)
+            return (seen, *dropped)
+        exchange = self._pending_requests.answer_only(seen)
+        if exchange is None:
+            return ()
+        unseen = self._pending_requests.take_unseen(seen.name, seen.place.time_ns)
+        exchange.reply = seen
+        exchange.certain = exchange.certain and seen.certain and not unseen
+        self._pending_results.reply_received(exchange)
+        self._last[exchange.name] = exchange
+        if exchange.certain and _shows_idle(seen):
+            self.robot.seen_idle(exchange.time_ns)
+        exchange.ending = Ending.ANSWERED
+        exchange.plain = bool(exchange.certain and exchange.logged_in) and not (
+            exchange.pipelined
+            or exchange.same_opcode_pending
+            or exchange.unmatched_reply
+            or exchange.concurrent
+            or exchange.concurrent_uncertain
+        )
+        return seen, exchange
+
+    def _feed(self, event: WireEvent) -> Iterator[TrafficEvent]:
         self._now_ns = event.time_ns
         if event.kind is Kind.BYTES and event.offset_bytes and not self._started:
             yield from self._start_midway(event)
@@ -269,14 +329,7 @@ class Dialogue:
 
     def _request(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         unseen = self._replies_missing and self._pending_requests.sent_by(seen.frame.direction)
-        exchange = Exchange(
-            seen,
-            seen.command,
-            logged_in=self.logged_in,
-            login_sent_before=self._login_sent,
-            refused_login=self._refused_login,
-            certain=self._certain(seen) and not unseen,
-        )
+        exchange = self._make_exchange(seen, certain=self._certain(seen) and not unseen)
         if self._listing and exchange.name == "list_programs":
             exchange.parts = self._listing.parts.copy()  # requests the next part (A-4.10-3)
             self._pending_requests.expect_late_reply(exchange.name)  # or it is already sent
@@ -290,6 +343,16 @@ class Dialogue:
         elif exchange.name == "delete_program":
             self.robot.forget(exchange.request_value or b"")
         yield from self._transfers.request(exchange)
+
+    def _make_exchange(self, request: FrameSeen, *, certain: bool) -> Exchange:
+        return Exchange(
+            request,
+            request.command,
+            logged_in=self.logged_in,
+            login_sent_before=self._login_sent,
+            refused_login=self._refused_login,
+            certain=certain,
+        )
 
     def _reply(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._pending_requests.match(seen)

@@ -199,6 +199,10 @@ class Exchange:
     result_after_stop: bool = False
     """Its final result arrived after that of the stop."""
 
+    plain: bool = False
+    """Whether it is a query with its reply, and nothing else happened from one to the other; set by
+    `Dialogue`. `bytes_key` then states everything about it except its place and times."""
+
     # File transfer; set by `TransferTracker`.
     transfer: "Transfer | None" = None
     """The transfer that it begins or belongs to."""
@@ -219,6 +223,12 @@ class Exchange:
     def set_ambiguous(self) -> None:
         """Note that its reply may answer another request: nothing certain follows from it."""
         self.ambiguous, self.certain = True, False
+
+    @property
+    def bytes_key(self) -> tuple[object, ...]:
+        """The frames, and whether a login had been sent before."""
+        reply = self.reply.frame if self.reply else None
+        return self.request.frame, reply, self.login_sent_before
 
     @property
     def overtaken(self) -> bool:

@@ -4,7 +4,7 @@ It contains only exchanges that no gap can have affected, and a gap clears it, s
 its content. Its size is bounded. It does not decide what conforms.
 """
 
-from bisect import bisect_left, bisect_right, insort
+from bisect import bisect_left, insort
 from collections import OrderedDict, deque
 from collections.abc import Iterator
 from itertools import islice
@@ -83,7 +83,9 @@ class ExchangeHistory:
         recent = self.recent.get(name)
         if not recent or answered_ns(recent[-1]) <= begin_ns:  # the usual answer: none
             return
-        first = bisect_right(recent, begin_ns, key=answered_ns)
+        first = len(recent) - 1  # few are searched: most callers ask for the last seconds
+        while first and answered_ns(recent[first - 1]) > begin_ns:
+            first -= 1
         for x in islice(recent, first, None):
             if answered_ns(x) >= end_ns:  # so are all later ones
                 break

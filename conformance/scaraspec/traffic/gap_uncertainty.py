@@ -88,6 +88,10 @@ class GapUncertainty:
             self._closed_until_ns = max(self._closed_until_ns, until_ns)
         self.resolve(connection)
 
+    def is_over(self, time_ns: int) -> bool:
+        """Whether no event at or after this time may depend on missing bytes seen so far."""
+        return not (self._gaps or self._until_ns) and time_ns > self._closed_until_ns
+
     def covers(self, connection: str, time_ns: int) -> bool:
         """Whether an event of this connection and time may depend on missing bytes."""
         if time_ns <= self._closed_until_ns or connection in self._until_ns:

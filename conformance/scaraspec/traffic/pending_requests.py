@@ -56,8 +56,34 @@ class PendingRequests:
         open_ = (entry.exchange for entry in self._open)
         return tuple(x for x in open_ if x.request.frame.direction is direction)
 
-    def add(self, exchange: Exchange) -> Iterator[Exchange]:
-        """Add a request; yield the requests that are not pending any more."""
+    @property
+    def at_most_one(self) -> bool:
+        """Whether at most one request is pending, and no later one has overtaken it."""
+        pending = self._open
+        return not pending or (len(pending) == 1 and not pending[0].exchange.overtaken_by)
+
+    def answer_only(self, reply: FrameSeen) -> Exchange | None:
+        """Remove and return the only pending request, if it has the opcode of this reply.
+
+        It gives what `match` would give. None if `match` has to decide; nothing has changed then.
+        """
+        if len(self._open) != 1:
+            return None
+        entry = self._open[0]
+        request = entry.exchange.request.frame
+        if (
+            request.opcode != reply.frame.opcode
+            or request.direction is reply.frame.direction
+            or entry.repeated_by
+            or entry.exchange.overtaken_by
+        ):
+            return None
+        self._open.clear()
+        return entry.exchange
+
+    def add(self, exchange: Exchange) -> list[Exchange]:
+        """Add a request; return the requests that are not pending any more."""
+        dropped: list[Exchange] = []
         time_ns, request, name = exchange.time_ns, exchange.request, exchange.name
         limit_ns = given_up_ns = self.reply_ns
         if name in _CHUNKS:  # a client may give up sooner than a controller must reply
@@ -67,22 +93,23 @@ class PendingRequests:
         exchange.pipelined = any(0 < time_ns - older.time_ns <= self.reply_ns for older in open_)
         for older in [e for e in self._open if e.name == name]:
             if request.certain and not older.exchange.request.certain:
-                yield self._drop(older, Ending.UNSEEN)  # it may not have been a request
+                dropped.append(self._drop(older, Ending.UNSEEN))  # it may not have been a request
             elif name in _CHUNKS and older.exchange.error_signal:
-                yield self._drop(older, Ending.UNANSWERED)  # no reply is needed (A-5-10)
+                dropped.append(self._drop(older, Ending.UNANSWERED))  # needs no reply (A-5-10)
             elif older.exchange.time_ns + given_up_ns < time_ns:
                 older.repeated_by = exchange
             elif older.exchange.ambiguous:  # the client has taken another reply for its own
-                yield self._drop(older, Ending.UNSEEN)
+                dropped.append(self._drop(older, Ending.UNSEEN))
                 self._owed_until_ns[name] = time_ns + self.reply_ns
             elif older.exchange.request.frame.opcode == request.frame.opcode:
                 exchange.same_opcode_pending = name not in _CHUNKS or not exchange.error_signal
         if len(self._open) >= _MAX_PENDING:
-            yield self._drop(self._open[0], Ending.UNSEEN)
+            dropped.append(self._drop(self._open[0], Ending.UNSEEN))
         if time_ns < self._owed_until_ns.get(name, -1):
             exchange.set_ambiguous()
         due_ns = time_ns + limit_ns
         self._open.append(_PendingRequest(exchange, name, due_ns, due_ns))
+        return dropped
 
     def match(self, reply: FrameSeen) -> Exchange | None:
         """Remove and return the request that this first reply answers.
@@ -171,9 +198,10 @@ class PendingRequests:
         """Whether a reply may answer a dropped or missing request; each of them counts once."""
         if time_ns > self._unseen_until_ns:
             self._unseen.clear()
-        unseen = self._unseen[name] > 0
-        self._unseen[name] -= unseen
-        return unseen
+        unseen = self._unseen.get(name, 0)
+        if unseen:
+            self._unseen[name] -= 1
+        return unseen > 0
 
     def cut_off_chunks(self, opening: Exchange, now_ns: int) -> Iterator[Exchange]:
         """Drop the pending chunks of an earlier transfer: a new one has begun (A-5-17)."""

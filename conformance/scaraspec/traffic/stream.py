@@ -40,31 +40,43 @@ class Stream:
 
     def feed(self, event: WireEvent) -> Iterable[FrameSeen | InvalidBytes]:
         """Process the next bytes; return the frames and invalid bytes that they complete."""
-        data, time_ns, framer = event.data, event.time_ns, self._framer
-        if not data:
+        framer = self._framer
+        if not event.data:
             return ()
         if framer.buffered_bytes:
             return self._continue(event)
+        if seen := self.take_whole(event):
+            return (seen,)
         at = framer.offset_bytes
-        items = framer.feed(data)
+        items = framer.feed(event.data)
         if self._at_gap:
             self._at_gap = False
-            whole = framer.offset_bytes == at + len(data)
+            whole = framer.offset_bytes == at + len(event.data)
             # Packets are lost as a whole. If the bytes of an event are exactly frames with known
             # opcodes, they are in sync: frames inside file content are followed by other bytes.
             self._in_sync = whole and all(isinstance(item, Frame) for item in items)
-        if len(items) == 1 and isinstance(frame := items[0], Frame) and not self._run:
-            end = framer.offset_bytes
-            if end - at == len(data):
-                # The short path of `_emit` for the usual event: it is one frame.
-                self._ends_with_frame = True
-                self._last_item = frame
-                place = WireRange(self._connection, self._direction, at, len(data), time_ns)
-                is_certain = self._in_sync and end > self._claimed_bytes
-                parsed = commands.parse_frame(frame)
-                return (FrameSeen(frame, place, time_ns, parsed, is_certain),)
-        self._pieces.append((at, time_ns))
+        self._pieces.append((at, event.time_ns))
         return self._emit(at, items, certain=self._in_sync)
+
+    def take_whole(self, event: WireEvent) -> FrameSeen | None:
+        """Take the usual event: its bytes are one frame. Otherwise return None, and take nothing.
+
+        It gives what `_emit` would give.
+        """
+        data, framer = event.data, self._framer
+        if self._run or self._at_gap or not framer.take_whole(data):
+            return None
+        frame, parsed = commands.read_frame(self._direction, data)
+        self._ends_with_frame, self._last_item = True, frame
+        end, size, time_ns = framer.offset_bytes, len(data), event.time_ns
+        place = WireRange(self._connection, self._direction, end - size, size, time_ns)
+        certain = self._in_sync and end > self._claimed_bytes
+        return FrameSeen(frame, place, time_ns, parsed, certain)
+
+    @property
+    def settled(self) -> bool:
+        """Whether `settle` would change nothing."""
+        return self._in_sync and not self._run
 
     def _continue(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Process bytes after an unfinished frame."""

@@ -1,16 +1,15 @@
 """The judge as a whole: rules, pieces of any size, gaps, several controllers."""
 
-import runpy
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rule_cases import CASES, SESSIONS, TABLES
 
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.requirements import REQUIREMENTS
@@ -29,13 +28,6 @@ Script = Callable[[str], list[WireEvent]]
 Judged = Callable[..., Any]
 Recut = Callable[[Iterable[WireEvent], Callable[[], int]], Iterable[WireEvent]]
 
-HERE = Path(__file__).parent
-FILES = sorted((*HERE.glob("test_rules_*.py"), *HERE.glob("rules/test_*.py")))
-TABLES = [runpy.run_path(str(path)) for path in FILES]
-CASES: tuple[tuple[str, str, str], ...] = tuple(
-    chain.from_iterable(table.get("CASES", ()) for table in TABLES)
-)
-SESSIONS = sorted({session for _, _, session in CASES})
 WITHOUT_GAPS = [s for s in SESSIONS if " gap" not in s]
 """After a gap, whole packets show that a stream is in sync, and pieces of them do not."""
 PASSES_ONLY = dict(chain.from_iterable(table.get("PASSES_ONLY", {}).items() for table in TABLES))

@@ -41,12 +41,21 @@ def last_motion(x: Exchange, robot: RobotState) -> Exchange | None:
     return motion if motion and done and idle and x.time_ns > ended_ns(motion) else None
 
 
+def recent_motion(x: Exchange, robot: RobotState) -> Exchange | None:
+    """Return the last motion as `last_motion`, if it ended within a `MOMENT_NS` before a query."""
+    accepted = robot.history.accepted
+    result = accepted[-1].result if accepted else None
+    if result is None or x.time_ns - result.place.time_ns > MOMENT_NS:
+        return None
+    return last_motion(x, robot)
+
+
 def reading_before(motion: Exchange, name: str, robot: RobotState) -> Exchange | None:
     """Return the last query `name` between the end of the previous command and `motion`."""
-    earlier = [y for y in robot.history.accepted if y.time_ns < motion.time_ns]
     query = robot.history.last(name, before_ns=motion.time_ns)
     if query is None or not query.reply_value or motion.time_ns - query.time_ns > _MAX_AGE_NS:
         return None
+    earlier = (y for y in robot.history.accepted if y.time_ns < motion.time_ns)
     return query if all(0 < ended_ns(y) < query.time_ns for y in earlier) else None
 
 

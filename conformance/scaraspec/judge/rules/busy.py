@@ -227,7 +227,7 @@ def idle_robot_is_not_busy(x: Exchange, robot: RobotState) -> RuleResult | None:
 # The status
 
 
-@rule("4/8", on=Exchange, names=_STATUS)
+@rule("4/8", on=Exchange, names=_STATUS, by_bytes=True)
 def busy_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """Between first reply and final result the status is not 00 (L318)."""
     return PASSED if x.concurrent and not x.concurrent_uncertain and x.reply_value in BUSY else None

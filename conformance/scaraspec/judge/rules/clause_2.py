@@ -60,7 +60,7 @@ def readable_bytes(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("2/10", on=Exchange, sender=A2C)
+@rule("2/10", on=Exchange, sender=A2C, by_bytes=True)
 def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client logs in before any other command (L79, L104); an emergency stop is tolerated."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
@@ -76,7 +76,7 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("2/11", on=Exchange, sender=A2C)
+@rule("2/11", on=Exchange, sender=A2C, by_bytes=True)
 def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     """Without a login the controller changes, moves and deletes nothing (L83, L104)."""
     if x.logged_in is not False or x.command is None or x.name == "login":

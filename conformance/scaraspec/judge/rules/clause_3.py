@@ -193,7 +193,7 @@ def client_tagged(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
 # Final results
 
 
-@rule("3/16", on=Exchange, sender=A2C)
+@rule("3/16", on=Exchange, sender=A2C, by_bytes=True)
 def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The final result follows the first reply "1" (L318)."""
     return PASSED if x.result else None
@@ -245,7 +245,7 @@ def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> 
     )
 
 
-@rule("3/17", on=Exchange, sender=A2C)
+@rule("3/17", on=Exchange, sender=A2C, by_bytes=True)
 def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """A refusal ends the command; a later result is an `UnsolicitedReply`."""
     two_stage = x.command is not None and x.command.two_stage
@@ -269,7 +269,7 @@ def result_after_refusal(unsolicited: UnsolicitedReply, _: RobotState) -> RuleRe
     )
 
 
-@rule("3/18", on=Exchange, sender=A2C)
+@rule("3/18", on=Exchange, sender=A2C, by_bytes=True)
 def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
     """Each accepted two-stage command has exactly one final result (L318)."""
     if not x.command or not x.command.two_stage or not x.accepted:

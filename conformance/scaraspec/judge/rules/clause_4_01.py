@@ -75,7 +75,7 @@ def wrong_password_refused(x: Exchange, robot: RobotState) -> RuleResult | None:
 rule("4.1/4", on=Exchange, names=_LOGIN)(one_flag)
 
 
-@rule("4.1/5", on=Exchange, sender=A2C)
+@rule("4.1/5", on=Exchange, sender=A2C, by_bytes=True)
 def nothing_after_a_refused_login(x: Exchange, _: RobotState) -> RuleResult | None:
     """After a login answered "0" the client uses no other command (L116); a stop is tolerated."""
     if x.name in ("login", "emergency_stop") or x.logged_in is None:

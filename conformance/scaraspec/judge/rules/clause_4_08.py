@@ -31,7 +31,7 @@ def request_is_empty(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("4.8/2", on=Exchange, names=_STATUS)
+@rule("4.8/2", on=Exchange, names=_STATUS, by_bytes=True)
 def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply is exactly one two-character code of table 8-1 (L214-217)."""
     if not x.reply:
@@ -114,14 +114,14 @@ for _name, _code in STATE_OF.items():
     rule(_requirement, on=Exchange, names=(_name,))(never_idle_while_executing)
 
 
-@rule("4.8/8", on=Exchange, names=_STATUS)
+@rule("4.8/8", on=Exchange, names=_STATUS, by_bytes=True)
 def fault_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """With a fault present the status is the fault's code (L1022-1043)."""
     code = errors.lookup(x.reply_value) if x.reply_value else None
     return PASSED if code and code.kind is errors.Kind.FAULT else None
 
 
-@rule("4.8/9", on=Exchange, names=_STATUS)
+@rule("4.8/9", on=Exchange, names=_STATUS, by_bytes=True)
 def status_is_a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     """Reserved codes and 20 are no states (L1024-1028; A-8-3)."""
     code = errors.lookup(x.reply_value) if x.reply_value else None
@@ -134,7 +134,7 @@ def status_is_a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("4.8/10", on=Exchange, names=_STATUS)
+@rule("4.8/10", on=Exchange, names=_STATUS, by_bytes=True)
 def served_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """The status is answered while a two-stage command executes (A-4-3)."""
     if not x.concurrent:

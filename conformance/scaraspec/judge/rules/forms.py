@@ -227,4 +227,4 @@ for _part, _table in (("request", _REQUEST), ("reply", _REPLY)):
 for _name, _requirement in _FLAG_REPLY.items():
     rule(_requirement, on=Exchange, names=(_name,))(one_flag)
 for _name, _requirement in _REPLY_LENGTH.items():
-    rule(_requirement, on=Exchange, names=(_name,))(_real_length)
+    rule(_requirement, on=Exchange, names=(_name,), by_bytes=True)(_real_length)

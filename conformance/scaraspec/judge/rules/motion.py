@@ -17,6 +17,7 @@ from scaraspec.judge.rules.arm import (
     gripper_set_since,
     last_motion,
     reading_before,
+    recent_motion,
     settled_ns,
 )
 from scaraspec.judge.rules.busy import STATE_OF
@@ -63,10 +64,10 @@ _BEYOND_ALL_REACH_MM: Final = 1_000_000
 @rule("4.24/8", on=Exchange, names=(POSE,))
 def pose_is_reached(x: Exchange, robot: RobotState) -> RuleResult | None:
     """After "11" 0x38 returns the commanded pose within 1 mm and 1 degree (L504, L476)."""
-    move = last_motion(x, robot)
+    move = recent_motion(x, robot)
     if move is None or move.name != MOVE or not move.request_value or not x.reply_value:
         return None
-    if x.time_ns - ended_ns(move) > MOMENT_NS or gripper_set_since(move.time_ns, robot):
+    if gripper_set_since(move.time_ns, robot):
         return None
     target = move.request_value[1:5]
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
@@ -133,7 +134,7 @@ def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
 @rule("4.27/6", on=Exchange, names=(JOINTS, POSE))
 def joints_follow_the_pose(x: Exchange, robot: RobotState) -> RuleResult | None:
     """A motion that changed the tool coordinates also changed the joint angles (L591, L1004)."""
-    motion = last_motion(x, robot)
+    motion = recent_motion(x, robot)
     return _consistent(motion, x, robot) if motion and motion.name != _RUN else None
 
 
@@ -144,7 +145,7 @@ def angles_in_degrees(x: Exchange, robot: RobotState) -> RuleResult | None:
     Angles that all stay within pi and turn by 180/pi less are probably radians. The document states
     neither the unit of a joint angle nor the gear ratios (A-4.27-3).
     """
-    motion = last_motion(x, robot)
+    motion = recent_motion(x, robot)
     pair = _around(motion, x, robot) if motion and motion.name in MOTIONS else None
     if pair is None:
         return None
@@ -172,7 +173,7 @@ def angles_in_degrees(x: Exchange, robot: RobotState) -> RuleResult | None:
 @rule("7/5", on=Exchange, names=(JOINTS, POSE))
 def one_geometry(x: Exchange, robot: RobotState) -> RuleResult | None:
     """One arm has one pose for one set of joint angles; a program may set another tool."""
-    motion = last_motion(x, robot)
+    motion = recent_motion(x, robot)
     return _consistent(motion, x, robot) if motion else None
 
 
@@ -202,8 +203,10 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
         return None
     other = POSE if x.name == JOINTS else JOINTS
     then = next(robot.history.between(other, ended_ns(motion), x.time_ns), None)
+    if not then or not then.reply_value or not x.reply_value:
+        return None
     before, other_before = (reading_before(motion, name, robot) for name in (x.name, other))
-    if not then or not then.reply_value or not x.reply_value or not before or not other_before:
+    if not before or not other_before:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
     interval_ns = max(before.time_ns, other_before.time_ns) - first_ns
@@ -219,7 +222,8 @@ def _around(motion: Exchange, x: Exchange, robot: RobotState) -> tuple[_Two, _Tw
 @rule("4.28/3", on=Exchange, names=(JOINTS, POSE))
 def jog_direction(x: Exchange, robot: RobotState) -> RuleResult | None:
     """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); for a jog of single joints see A-4.28-2."""
-    if last_motion(x, robot) is None:
+    motion = last_motion(x, robot)
+    if motion is None or motion.name not in (JOG, STOP):
         return None
     motions = [y for y in robot.history.accepted if y.name != STOP]
     jog = motions[-1] if motions else None

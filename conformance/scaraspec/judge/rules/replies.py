@@ -24,7 +24,7 @@ _MAX_AGE_NS: Final = 1_000_000_000
 """Maximum age of a status that shows the state."""
 
 
-@rule("3/11", on=Exchange, sender=A2C)
+@rule("3/11", on=Exchange, sender=A2C, by_bytes=True)
 def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply carries the request's opcode (A-3-14).
 
@@ -43,7 +43,7 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("3/26", on=Exchange, sender=A2C)
+@rule("3/26", on=Exchange, sender=A2C, by_bytes=True)
 def reply_is_solicited(x: Exchange, _: RobotState) -> RuleResult | None:
     """A reply to a request is solicited."""
     return PASSED if x.reply else None
@@ -66,7 +66,7 @@ def nothing_unsolicited(unsolicited: UnsolicitedReply, robot: RobotState) -> Rul
     )
 
 
-@rule("3/24", on=Exchange, sender=A2C)
+@rule("3/24", on=Exchange, sender=A2C, by_bytes=True)
 def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     """First replies come in request order (A-3-14)."""
     if not x.reply or x.overdue:
@@ -82,7 +82,7 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("3/25", on=Exchange, sender=A2C)
+@rule("3/25", on=Exchange, sender=A2C, by_bytes=True)
 def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client has at most one unanswered request per opcode (A-3-14)."""
     if not x.same_opcode_pending:
@@ -159,7 +159,7 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
     )
 
 
-@rule("3/33", on=Exchange, sender=A2C)
+@rule("3/33", on=Exchange, sender=A2C, by_bytes=True)
 def late_reply_is_not_the_next(x: Exchange, _: RobotState) -> RuleResult | None:
     """A late reply is not taken for the reply to the next request with its opcode (A-3-14).
 

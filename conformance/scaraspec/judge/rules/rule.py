@@ -5,8 +5,9 @@ overlapping exchanges leave the answer open, it returns `inconclusive`. A rule t
 its event can ignore capture gaps: the judge turns the failure of an uncertain event into
 inconclusive.
 
-A rule about a frame (`on=FrameSeen`) depends on the frame alone. The judge calls it once for equal
-frames, without place, times and robot state.
+A rule about a frame depends on its bytes alone: not on place, times or robot state. So does a rule
+about exchanges that is declared `by_bytes`, if the exchange is `plain`. The judge calls such a rule
+once for equal bytes.
 """
 
 from collections.abc import Callable, Iterable
@@ -85,6 +86,8 @@ class Rule:
         sender: The side that sent the frame or request; None for both.
         payload: For frames: selects the payloads; None for all, also for frames without one.
         check: The function.
+        by_bytes: Whether the result follows from the bytes alone: of a frame, or of the request and
+            the reply of an exchange that is `plain`.
     """
 
     requirement: str
@@ -93,6 +96,7 @@ class Rule:
     sender: Direction | None
     payload: Callable[[Payload], bool] | None
     check: Check
+    by_bytes: bool
 
     def applies_to(self, traffic_event: TrafficEvent) -> bool:
         """Whether the rule checks traffic events of this kind (see `kind_of`)."""
@@ -118,11 +122,15 @@ def rule(
     names: Iterable[str] = (),
     sender: Direction | None = None,
     payload: Callable[[Payload], bool] | None = None,
+    by_bytes: bool = False,
 ) -> Callable[[Check], Check]:
     """Register a check for one or more requirements; it gives all of them the same result."""
+    by_bytes = by_bytes or on is FrameSeen
 
     def register(check: Check) -> Check:
-        RULES.extend(Rule(r, on, frozenset(names), sender, payload, check) for r in requirements)
+        RULES.extend(
+            Rule(r, on, frozenset(names), sender, payload, check, by_bytes) for r in requirements
+        )
         return check
 
     return register

@@ -46,7 +46,7 @@ def _reports_none(x: Exchange) -> bool:
     return x.reply is not None and x.reply.frame.data[:1] in (b"0", b"\0")
 
 
-@rule("4.9/2", on=Exchange, names=_INFO)
+@rule("4.9/2", on=Exchange, names=_INFO, by_bytes=True)
 def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
     """While a program runs the reply is "1", its name and its run time (L226-232).
 
@@ -73,7 +73,7 @@ def program_is_reported(x: Exchange, _: RobotState) -> RuleResult | None:
     return PASSED if x.reply_value else None
 
 
-@rule("4.9/4", on=Exchange, names=_INFO)
+@rule("4.9/4", on=Exchange, names=_INFO, by_bytes=True)
 def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
     """The name is that of the program that was requested to run or to be simulated (L226)."""
     program = _program(x)
@@ -214,7 +214,7 @@ def none_in_one_character(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("4.9/8", on=Exchange, names=_INFO)
+@rule("4.9/8", on=Exchange, names=_INFO, by_bytes=True)
 def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
     """The program name has at most 30 bytes (L226; A-4.9-5)."""
     if not x.reply_value:

@@ -14,9 +14,9 @@ from scaraspec.judge.rules.arm import (
     changed,
     ended_ns,
     gripper_set_since,
-    last_motion,
     locked,
     reading_before,
+    recent_motion,
     settled_ns,
 )
 from scaraspec.judge.rules.rule import PASSED, RuleResult, rule, tolerated
@@ -61,7 +61,7 @@ def still_after_a_motion(x: Exchange, robot: RobotState) -> RuleResult | None:
 
 
 def _still_after(names: Sequence[str], x: Exchange, robot: RobotState) -> RuleResult | None:
-    motion = last_motion(x, robot)
+    motion = recent_motion(x, robot)
     if motion is None or motion.name not in names or not x.reply_value:
         return None
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:

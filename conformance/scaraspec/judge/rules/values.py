@@ -57,7 +57,7 @@ def default_is_requested(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     return tolerated("op_get_default", "0x13", "the default program was requested with 0x13")
 
 
-@rule("4.12/2", on=Exchange, names=_DEFAULT)
+@rule("4.12/2", on=Exchange, names=_DEFAULT, by_bytes=True)
 def default_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply carries the opcode of the request (L272-275; A-4.12-1)."""
     if not x.reply:
@@ -85,7 +85,7 @@ def no_default(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     )
 
 
-@rule("4.14/3", on=Exchange, names=_TEMPERATURES)
+@rule("4.14/3", on=Exchange, names=_TEMPERATURES, by_bytes=True)
 def temperatures_have_their_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply's opcode is 0x0F; the printed 0x0E is tolerated (L296-302; A-4.14-1)."""
     if not x.reply:
@@ -95,7 +95,7 @@ def temperatures_have_their_opcode(x: Exchange, _: RobotState) -> RuleResult | N
     return tolerated("op_temp_reply", "0x0E", "the temperatures were answered with 0x0E")
 
 
-@rule("4.14/5", on=Exchange, names=_TEMPERATURES)
+@rule("4.14/5", on=Exchange, names=_TEMPERATURES, by_bytes=True)
 def plausible_temperatures(x: Exchange, _: RobotState) -> RuleResult | None:
     """Values are temperatures in degrees Celsius (L299; A-T-8)."""
     if not x.reply_value or not x.reply:

@@ -1,8 +1,8 @@
 """Missing results: a run ends soon although the controller sends no final results."""
 
 import pytest
-
 from fast_simulator import FastSimulator
+
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Cause, Conclusion, Reason, Verdict
 from scaraspec.mutants.controller import mutants
@@ -47,11 +47,11 @@ def test_run_without_final_results_ends_soon(fault: str) -> None:
 def test_a_fast_simulator_without_final_results() -> None:
     """Its status is queried as often in its own time, so no other layout is tried."""
 
-    class Fast(FastSimulator, mutants()["run-ends-under-its-neighbour"].wrong): ...
-
+    wrong = mutants()["run-ends-under-its-neighbour"].wrong
+    fast = type("Fast", (FastSimulator, wrong), {})
     options = Options(frozenset({"4.15/5"}), allowed=ALL, examples=1)
     ics = Ics(time_scale=FastSimulator.SCALE)
-    access = MemoryAccess(Robot(Fast, DEFAULT).network)
+    access = MemoryAccess(Robot(fast, DEFAULT).network)
     results = Run(ControllerAdapter(access, ics, PASSWORD, options)).results()
     (verdict,) = (each.verdict for each in results.requirements if each.id == "4.15/5")
     assert verdict is Verdict.FAIL

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-
 from fast_simulator import FastSimulator
+
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.readings import DEFAULT
