@@ -6,6 +6,7 @@ The plan is made before anything is sent. It shows what the robot may move and w
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import Reason
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
@@ -61,7 +62,7 @@ class Options:
     def summary(self) -> dict[str, str]:
         """The options by name, for the results."""
         allowed = sorted(hazard.value for hazard in self.allowed - {Hazard.READ_ONLY})
-        selected = [*sorted(self.only or ()), *sorted(self.cases)]
+        selected = [*sorted(self.only or ()), *sorted(map(item_of, self.cases))]
         return {
             "allow": ",".join(allowed),
             "only": ",".join(selected),
@@ -72,6 +73,15 @@ class Options:
             "fail_fast": str(self.fail_fast).lower(),
             **({"certification": self.certification} if self.certification else {}),
         }
+
+
+ONE_CASE: Final = "case:"
+"""Begins an item of a selection that names a case, and not the requirement with the same id."""
+
+
+def item_of(case_id: str) -> str:
+    """Return the item of a selection that names this case alone."""
+    return f"{ONE_CASE}{case_id}" if case_id in REQUIREMENTS else case_id
 
 
 def hazards(text: str) -> frozenset[Hazard]:

@@ -34,7 +34,7 @@ from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import CaseFinding, Observer, Take, sending_direction
 from scaraspec.suite.engine.outcome import Outcome, unless_disturbed
 from scaraspec.suite.engine.passive_findings import grouped, is_confirmed, undecided
-from scaraspec.suite.engine.plan import is_selected
+from scaraspec.suite.engine.plan import is_selected, item_of
 from scaraspec.suite.engine.pytest_session import run_pytest
 from scaraspec.suite.engine.repeated_cases import repeated_cases
 from scaraspec.suite.engine.role_adapter import P, RoleAdapter
@@ -459,9 +459,12 @@ class Run(Generic[P]):
         return self._replay(*self._repeated(case.id, outcome.requirement))
 
     def _repeated(self, case: str, requirement: str) -> tuple[str, ...]:
-        if not (case and requirement):
-            return (case or requirement,)
-        return repeated_cases(case, requirement, self.case_runner.outcomes)
+        if not case:
+            return (requirement,)
+        if not requirement:
+            return (item_of(case),)
+        repeated = repeated_cases(case, requirement, self.case_runner.outcomes)
+        return tuple(map(item_of, repeated))
 
     def _replay(self, *selected: str) -> str:
         replay = self.adapter.replay

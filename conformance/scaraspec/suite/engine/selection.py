@@ -1,5 +1,6 @@
 """Selection: which requirements and cases a list such as ``--only`` names."""
 
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 from scaraspec.judge.requirements import REQUIREMENTS, UnknownRequirementError, select
@@ -7,7 +8,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.model import SEEN, Role
 from scaraspec.suite.engine.collection import METHODS, collect
-from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.plan import ONE_CASE, Options
 from scaraspec.user_message import UserMessage, sentence_of
 
 CLAIM: Final = "claim."
@@ -34,6 +35,9 @@ class Selection(NamedTuple):
 def parse_selection(text: str | None, role: Role) -> Selection:
     """Parse a comma list of clauses, requirements and case ids.
 
+    An id such as ``4.8/4`` may be that of a requirement and of one of its cases. It names the
+    requirement with all its cases; ``case:4.8/4`` names this case alone.
+
     The id of a finding such as ``3/31.seen-1`` names its requirement. The id of a claim such as
     ``claim.prelogin`` names no case: claims are checked in every run.
 
@@ -52,11 +56,21 @@ def parse_selection(text: str | None, role: Role) -> Selection:
         name = item.partition(SEEN)[0]
         claim = name.removeprefix(CLAIM)
         is_claim = claim in READINGS or claim.removeprefix(LACKS) in BY_NAME
-        if (claim != name and is_claim) or (name in ids and name not in REQUIREMENTS):
+        if name.startswith(ONE_CASE):
+            cases.add(_case(name.removeprefix(ONE_CASE), ids))
+        elif (claim != name and is_claim) or (name in ids and name not in REQUIREMENTS):
             cases.add(name)
         else:
             requirements |= _requirements(name, role)
     return Selection(frozenset(requirements), frozenset(cases))
+
+
+def _case(name: str, ids: Collection[str]) -> str:
+    if name not in ids:
+        raise SelectionError(
+            UserMessage("there is no case {name!r}: `scaraspec cases` lists the cases", name=name)
+        )
+    return name
 
 
 def _requirements(name: str, role: Role) -> set[str]:
