@@ -222,8 +222,9 @@ def repair_and_summarize(path: Path) -> RecordingSummary:
 
 def _count(path: Path, stats: RecordingStats) -> None:
     """Count the content of a complete file."""
-    raw, topics = RawLayerReader(), dict[int, str]()
-    for record in read_records(path, McapSummary()):
+    summary, topics = McapSummary(), dict[int, str]()
+    raw = RawLayerReader(summary)
+    for record in read_records(path, summary):
         if event := raw.take(record):
             stats.add_event(event)
         elif isinstance(record, Channel):

@@ -136,7 +136,8 @@ def is_full(folder: Path) -> bool:
 
 def _copy(path: Path, file: BinaryIO | None) -> McapSummary:
     """Copy the intact records of a recording to `file`, if given. Return the summary."""
-    summary, raw, accounts = McapSummary(), RawLayerReader(), ByteAccounting()
+    summary, accounts = McapSummary(), ByteAccounting()
+    raw = RawLayerReader(summary)
     copier: _Copier | None = None
     headed = False
     for record in read_records(path, summary):
@@ -150,7 +151,7 @@ def _copy(path: Path, file: BinaryIO | None) -> McapSummary:
             summary.events += 1
             summary.last_ns = max(summary.last_ns, event.time_ns)
             accounts.add(event)
-    raw.finish(path, summary)
+    raw.finish(path)
     if copier:
         copier.finish(summary, accounts)
     return summary

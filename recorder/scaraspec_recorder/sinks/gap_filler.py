@@ -4,7 +4,7 @@ A file or sink that starts in the middle of a connection has a hole at its start
 holes inside. The bytes on both sides of a hole must not be treated as consecutive.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.direction import Direction
@@ -20,8 +20,9 @@ class GapFiller:
     def __init__(self) -> None:
         self._ends: dict[tuple[str, Direction], int] = {}  # -1 after a gap of unknown length
 
-    def fill(self, event: WireEvent) -> Iterator[WireEvent]:
-        """Yield the event, and a gap before it if bytes of its stream are missing."""
+    def fill(self, event: WireEvent) -> Sequence[WireEvent]:
+        """Return the event, and a gap before it if bytes of its stream are missing."""
+        filled = [event]
         if event.kind in (Kind.OPENED, Kind.CLOSED, Kind.RESET):
             for direction in Direction:
                 self._ends.pop((event.connection, direction), None)
@@ -32,7 +33,8 @@ class GapFiller:
                 # A new file of a recording begins with the offsets of the open connections.
                 reopened = event.kind is Kind.BYTES and not event.data
                 note = EARLIER_FILE if reopened else NOT_RECORDED
-                yield WireEvent(event.time_ns, *key, Kind.GAP, b"", end, offset - end, note)
+                gap = WireEvent(event.time_ns, *key, Kind.GAP, b"", end, offset - end, note)
+                filled.insert(0, gap)
             length = len(event.data) if event.kind is Kind.BYTES else event.length_bytes
             self._ends[key] = offset + length if length >= 0 else -1
-        yield event
+        return filled

@@ -53,15 +53,21 @@ class _Channel:
 class RawLayerReader:
     """Converts records of the raw layer to wire events.
 
+    Args:
+        summary: The summary of the file that is read.
+
     Attributes:
+        channels: The channels whose messages it needs, as far as they were declared.
         merged: Whether two channels of a topic have a connection of the same name: the file holds
             several recordings.
         clock_events: The lines of the log about the recorder's clock, with their times.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, summary: McapSummary) -> None:
+        self.channels: set[int] = set()
         self.merged = False
         self.clock_events: list[str] = []
+        self._summary = summary
         self._log_channels: set[int] = set()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, _Channel] = {}
@@ -69,19 +75,16 @@ class RawLayerReader:
         self._parts: dict[str, int] = {}  # by connection
         self._sequences: dict[int, int] = {}  # the last one, by part
         self._missing = 0
-        self._messages = 0
         self._numbered = False  # the sequence numbers are those of our recorder
 
     def take(self, record: McapRecord) -> WireEvent | None:
         """Return the event of a record; None if it has no readable event."""
         if isinstance(record, Message):
-            self._messages += 1
             if channel := self._channels.get(record.channel_id):
                 with suppress(ValueError):
                     time_ns = min(record.log_time, _MAX_TIME_NS)
-                    event = _event(
-                        time_ns, schemas.decode(channel.kind, record.data), self._messages
-                    )
+                    message = schemas.decode(channel.kind, record.data)
+                    event = _event(time_ns, message, self._summary.messages)
                     self._number(channel.part, record.sequence)
                     if channel.part != self._parts.setdefault(event.connection, channel.part):
                         self.merged = True
@@ -96,6 +99,7 @@ class RawLayerReader:
             self._schemas[record.id] = record.name
         elif isinstance(record, Channel) and self._schemas.get(record.schema_id) == foxglove.LOG:
             self._log_channels.add(record.id)
+            self.channels.add(record.id)
         elif (
             isinstance(record, Channel)
             and record.id not in self._channels
@@ -103,6 +107,7 @@ class RawLayerReader:
         ):
             self._channels[record.id] = _Channel(kind, self._topics[record.topic])
             self._topics[record.topic] += 1
+            self.channels.add(record.id)
         return None
 
     def _read_log(self, message: Message) -> None:
@@ -119,7 +124,7 @@ class RawLayerReader:
         self._missing += ahead - 1
         self._sequences[part] = sequence
 
-    def finish(self, path: Path, summary: McapSummary) -> None:
+    def finish(self, path: Path) -> None:
         """Finish: add a note about missing events.
 
         Raises:
@@ -127,7 +132,7 @@ class RawLayerReader:
         """
         if not self._channels:
             ours = _RAW_KINDS.keys() & set(self._schemas.values())
-            if summary.finished or (self._schemas and not ours):
+            if self._summary.finished or (self._schemas and not ours):
                 raise CaptureError(
                     UserMessage(
                         "{path} has no raw bytes of a link: it was not written by scaraspec record",
@@ -138,7 +143,7 @@ class RawLayerReader:
                 UserMessage("{path} ends before anything was recorded", path=path)
             )
         if self._missing and self._numbered:
-            summary.notes.append(
+            self._summary.notes.append(
                 UserMessage("{count} raw events are missing in the file", count=self._missing)
             )
 
@@ -149,12 +154,13 @@ def _event(time_ns: int, message: schemas.Message, number: int) -> WireEvent:
     Raises:
         ValueError: The direction or the kind of the message is unknown.
     """
+    if isinstance(message, schemas.RawChunk):
+        connection, direction, offset, data, note, forwarded_ns, kernel = message
+        raw = (time_ns, connection, Direction(direction), Kind.BYTES, data, offset, 0, note)
+        if forwarded_ns or kernel:
+            return ForwardedChunk(*raw, forwarded_ns or 0, kernel, packet=number)
+        return WireEvent(*raw, packet=number)
     match message:
-        case schemas.RawChunk(connection, direction, offset, data, note, forwarded_ns, kernel):
-            kind, length = Kind.BYTES, 0
-            if forwarded_ns or kernel:
-                raw = (time_ns, connection, Direction(direction), kind, data, offset, length, note)
-                return ForwardedChunk(*raw, forwarded_ns or 0, kernel, packet=number)
         case schemas.Gap(connection, direction, offset, length, note):
             kind, data = Kind.GAP, b""
         case schemas.ConnectionEvent(connection, direction, offset, name, note):
@@ -225,8 +231,8 @@ class McapCapture:
             CaptureError: The file cannot be opened, is not an MCAP file, or has no raw layer.
         """
         self.summary = summary = McapSummary()
-        raw, gap_filler, audit = RawLayerReader(), GapFiller(), ByteAccountingCheck()
-        for record in read_records(self.path, summary, self._wait):
+        raw, gap_filler, audit = RawLayerReader(summary), GapFiller(), ByteAccountingCheck()
+        for record in read_records(self.path, summary, self._wait, channels=raw.channels):
             if isinstance(record, Metadata):
                 audit.add_metadata(record.name, record.metadata)
             elif event := raw.take(record):
@@ -236,7 +242,7 @@ class McapCapture:
                     summary.losses += filled.is_loss
                     summary.last_ns = max(summary.last_ns, filled.time_ns)
                     yield filled
-        raw.finish(self.path, summary)
+        raw.finish(self.path)
         if summary.finished:  # else its last accounts were not written
             audit.close()
         summary.merged = raw.merged

@@ -10,7 +10,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,6 +97,7 @@ class McapSummary:
         read_bytes: How much of the file has been read.
         events: Number of wire events.
         losses: Number of gaps.
+        messages: Number of messages, also of those that the reader did not need.
         last_ns: Time of the last event; 0 without events.
         finished: Whether the file was closed properly.
         damaged: Whether anything but the end of the file is damaged.
@@ -109,6 +110,7 @@ class McapSummary:
     """
 
     read_bytes: int = 0
+    messages: int = 0
     events: int = 0
     losses: int = 0
     last_ns: int = 0
@@ -160,7 +162,11 @@ class McapSummary:
 
 
 def read_records(
-    path: Path, summary: McapSummary, wait: Callable[[], bool] | None = None
+    path: Path,
+    summary: McapSummary,
+    wait: Callable[[], bool] | None = None,
+    *,
+    channels: Container[int] | None = None,
 ) -> Iterator[McapRecord]:
     """Yield all intact records of an MCAP file, including those in chunks, in order.
 
@@ -169,12 +175,14 @@ def read_records(
         summary: Receives whether the file was finished, and notes about damage.
         wait: Called when a file that is not finished has no further complete record; returns
             whether to look again. None to read what there is.
+        channels: The channels whose messages are yielded; it may grow while their declarations are
+            read. None for all.
 
     Raises:
         CaptureError: The file cannot be opened or is not an MCAP file.
     """
     with open_mcap(path) as file:
-        yield from _Scanner(file, summary, wait).records()
+        yield from _Scanner(file, summary, wait, channels).records()
 
 
 @contextmanager
@@ -259,12 +267,17 @@ class _Scanner:
     """Reads one file from its start to its end."""
 
     def __init__(
-        self, file: BinaryIO, summary: McapSummary, wait: Callable[[], bool] | None
+        self,
+        file: BinaryIO,
+        summary: McapSummary,
+        wait: Callable[[], bool] | None,
+        channels: Container[int] | None,
     ) -> None:
         self._file, self._summary, self._wait = file, summary, wait
+        self._wanted = channels
         self._size = file.seek(0, os.SEEK_END)
         self._window, self._window_at = b"", 0
-        self._messages = self._expected_messages = 0
+        self._expected_messages = 0
         self._damaged_chunks = self._skipped_bytes = self._wrong_lengths = 0
         self._truncated_bytes = 0
         self._data_ended = False
@@ -391,12 +404,18 @@ class _Scanner:
                     raise ValueError("a record that is longer than its chunk")
                 data = content.read(length)
                 if opcode == Opcode.MESSAGE:
-                    self._messages += 1
-                    yield _message(data)
+                    self._summary.messages += 1
+                    if self._is_wanted(data):
+                        yield _message(data)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     yield _KINDS[opcode].read(_Bounded(io.BytesIO(data)))
         except _DAMAGE:
             self._damaged_chunks += 1
+
+    def _is_wanted(self, message: bytes) -> bool:
+        if self._wanted is None or len(message) < _MESSAGE.size:
+            return True
+        return int.from_bytes(message[:2], "little") in self._wanted
 
     def _checked(self, chunk: _Chunk) -> tuple[BinaryIO, int]:
         """Return the content of a chunk, and its size, after its checksum was verified."""
@@ -421,7 +440,7 @@ class _Scanner:
         """Use what a record states about the file."""
         match record:
             case Message():
-                self._messages += 1
+                self._summary.messages += 1
             case Statistics():
                 self._expected_messages = record.message_count
             case DataEnd():
@@ -495,7 +514,7 @@ class _Scanner:
     def _describe(self) -> None:
         """Write the notes."""
         summary = self._summary
-        lost = self._expected_messages - self._messages
+        lost = self._expected_messages - self._summary.messages
         damage = (
             (self._damaged_chunks, "{count} damaged chunks of the file were skipped"),
             (self._skipped_bytes, "{count} damaged bytes of the file were skipped"),

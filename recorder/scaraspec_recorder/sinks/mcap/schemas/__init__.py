@@ -214,6 +214,23 @@ def descriptor_set(kind: type[Message]) -> bytes:
 _CLASSES: Final[dict[Any, Any]] = _make_classes()
 
 
+class _ReadField(NamedTuple):
+    """How a field is read: its name, and whether it may be absent or is a list."""
+
+    name: str
+    optional: bool
+    repeated: bool
+
+
+_READ_FIELDS: Final = {
+    kind: tuple(
+        _ReadField(field.name, bool(field.containing_oneof), field.is_repeated)
+        for field in proto.DESCRIPTOR.fields
+    )
+    for kind, proto in _CLASSES.items()
+}
+
+
 def encode(
     kind: Callable[_Fields, Message], /, *none: _Fields.args, **fields: _Fields.kwargs
 ) -> bytes:
@@ -242,11 +259,8 @@ def decode(kind: type[_M], data: bytes) -> _M:
                 message=kind.__name__,
             )
         ) from None
-    return kind(*(_value(proto, field) for field in proto.DESCRIPTOR.fields))
-
-
-def _value(proto: Any, field: Any) -> Any:
-    if field.containing_oneof and not proto.HasField(field.name):
-        return None
-    value = getattr(proto, field.name)
-    return tuple(value) if field.is_repeated else value
+    values: list[Any] = []
+    for name, optional, repeated in _READ_FIELDS[kind]:
+        value: Any = None if optional and not proto.HasField(name) else getattr(proto, name)
+        values.append(tuple(value) if repeated else value)
+    return kind(*values)
