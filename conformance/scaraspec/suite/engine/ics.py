@@ -54,7 +54,7 @@ class Motion:
         speed_percent: The speed of a move.
         box_mm: The minimum and maximum of x, y and z; empty for no limits.
         jog_s: The maximum duration of a jog, in seconds.
-        longest_s: The maximum duration of any move, reset or program, in seconds.
+        longest_s: The maximum duration of any move, reset or program, in seconds of the subject.
     """
 
     step_mm: float = 4.5

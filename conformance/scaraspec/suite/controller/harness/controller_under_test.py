@@ -151,8 +151,8 @@ class ControllerUnderTest:
 
     @property
     def longest_s(self) -> float:
-        """The timeout for a final result, in seconds."""
-        return self.ics.motion.longest_s
+        """The timeout for a final result, in seconds: not less than the reply timeout."""
+        return max(self.ics.motion.longest_s / max(self.ics.time_scale, 1.0), self.reply_s)
 
     # ------------------------------------------------------------------ connections
 
