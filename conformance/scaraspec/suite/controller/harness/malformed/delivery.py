@@ -21,14 +21,20 @@ from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 
 SLOWEST_S: Final = 0.9
 """The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
-
+_LIMIT_S: Final = 1.0
+_LINK_S: Final = 0.1
+"""How much longer a pause may become on a link, or because this machine is busy."""
 _PART_OF_TRANSFER: Final = 0.5  # a transfer may pause twice as long
 
 
 def longest_pause_s(subject: ControllerUnderTest) -> float:
-    """Return the longest pause inside a frame in our seconds, also during a transfer."""
+    """Return the longest pause inside a frame in our seconds, also during a transfer.
+
+    For a fast subject it is at least half of the limit, which leaves the other half for delays.
+    """
     of_transfer_s = _PART_OF_TRANSFER * transfer_timeouts_of(subject).must_survive_s
-    return min(SLOWEST_S / subject.ics.time_scale, of_transfer_s)
+    limit_s = _LIMIT_S / subject.ics.time_scale
+    return min(max(limit_s - _LINK_S, limit_s / 2), of_transfer_s)
 
 
 segment_sizes = st.lists(st.integers(1, 60), max_size=12)
