@@ -113,7 +113,8 @@ class ByteAccountingCheck:
 
     def count(self, event: WireEvent) -> None:
         """Count a raw event of the file."""
-        self._count(self._counted.add(event))
+        if accounts := self._counted.add(event):
+            self._count(accounts)
 
     def add_metadata(self, name: str, entries: Entries) -> None:
         """Process a metadata record of the file; records other than accounts are ignored."""

@@ -81,17 +81,8 @@ class RawLayerReader:
         """Return the event of a record; None if it has no readable event."""
         if isinstance(record, Message):
             if channel := self._channels.get(record.channel_id):
-                with suppress(ValueError):
-                    time_ns = min(record.log_time, _MAX_TIME_NS)
-                    message = schemas.decode(channel.kind, record.data)
-                    event = _event(time_ns, message, self._summary.messages)
-                    self._number(channel.part, record.sequence)
-                    if channel.part != self._parts.setdefault(event.connection, channel.part):
-                        self.merged = True
-                        name = f"{event.connection} of recording {channel.part + 1}"
-                        event = replace(event, connection=name)
-                    return event
-            elif record.channel_id in self._log_channels:
+                return self._event(record, channel)
+            if record.channel_id in self._log_channels:
                 self._read_log(record)
         elif isinstance(record, Header):
             self._numbered = record.library.startswith(_RECORDER)
@@ -109,6 +100,21 @@ class RawLayerReader:
             self._topics[record.topic] += 1
             self.channels.add(record.id)
         return None
+
+    def _event(self, message: Message, channel: _Channel) -> WireEvent | None:
+        """Return the event of a message of the raw layer; None if it is not readable."""
+        time_ns = min(message.log_time, _MAX_TIME_NS)
+        try:
+            decoded = schemas.decode(channel.kind, message.data)
+            event = _event(time_ns, decoded, self._summary.messages)
+        except ValueError:
+            return None
+        self._number(channel.part, message.sequence)
+        if channel.part != self._parts.setdefault(event.connection, channel.part):
+            self.merged = True
+            name = f"{event.connection} of recording {channel.part + 1}"
+            event = replace(event, connection=name)
+        return event
 
     def _read_log(self, message: Message) -> None:
         with suppress(ValueError):
