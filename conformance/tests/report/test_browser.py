@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+import axe_core_python  # type: ignore[import-untyped]  # it contains only the rules
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
@@ -30,6 +31,12 @@ _FLAGS: Final = (
     *("--disable-sync", "--window-size=1200,900"),
 )
 _MANY: Final = 3000
+_AXE: Final = Path(axe_core_python.__file__).with_name("axe.min.js")
+_SERIOUS: Final = """
+axe.run().then(found => found.violations
+  .filter(each => ["serious", "critical"].includes(each.impact))
+  .map(each => [each.id, each.nodes.flatMap(node => node.any.map(check => check.message))]))
+"""
 
 
 class Browser:
@@ -108,7 +115,8 @@ class Browser:
 
     def evaluate(self, expression: str) -> Any:
         """The value of an expression in the page."""
-        answer = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
+        expected = {"returnByValue": True, "awaitPromise": True}
+        answer = self.do("Runtime.evaluate", expression=expression, **expected)
         return answer["result"].get("value")
 
     def key(self, key: str) -> None:
@@ -217,6 +225,23 @@ def test_a_long_report_is_printed_on_few_pages(page_of: Any, full: Results, tmp_
     assert (tmp_path / "long.html").stat().st_size < 1_000_000
     printed = base64.b64decode(page_of(long).do("Page.printToPDF")["data"])
     assert 1 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= 15
+
+
+@pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1200, 375])
+def test_accessibility(page_of: Any, full: Results, width: int, scheme: str, language: str) -> None:
+    """axe finds no serious violation, with all cases open."""
+    page = page_of(full)
+    scheme_feature = {"name": "prefers-color-scheme", "value": scheme}
+    page.do("Emulation.setEmulatedMedia", features=[scheme_feature])
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    page.do("Emulation.setDeviceMetricsOverride", **size)
+    page.evaluate(f"document.querySelector('[data-switch={language}]').click()")
+    page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    page.evaluate(_AXE.read_text("utf-8"))
+    assert page.evaluate(_SERIOUS) == []
+    assert page.evaluate("document.documentElement.lang") == language
 
 
 def test_page_width_and_print(page_of: Any, full: Results) -> None:
