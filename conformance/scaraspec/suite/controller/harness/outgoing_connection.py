@@ -126,19 +126,29 @@ class OutgoingConnection(Connection):
         if not self.cuts or frame.opcode == _STOP_OPCODE:
             self.send_bytes(frame.encode())
             return
+        self._before([frame])  # not inside the request: a write to the journal may take long
         for number, part in enumerate(split_bytes(frame.encode(), self.cuts)):
             if number:
                 self.wait(self.long_pause_s or _CUT_S)
                 self.long_pause_s = 0.0
-            self.send_bytes(part)
+            self.send_bytes(part, checked=frame)
 
-    def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are. The guard checks the frames that they complete first."""
+    def send_bytes(self, data: bytes, *, checked: Frame | None = None) -> None:
+        """Send bytes as they are. The guard checks the frames that they complete first.
+
+        Args:
+            data: The bytes.
+            checked: A frame that the guard has checked.
+        """
         frames = [item for item in self._outgoing.feed(data) if isinstance(item, Frame)]
+        self._before([frame for frame in frames if frame != checked])
+        super().send_bytes(data)
+
+    def _before(self, frames: list[Frame]) -> None:
+        """Do what is necessary before these frames are sent."""
         for frame in frames:
             self._subject.guard.check(frame)
         self._wait_for_state(frames)
-        super().send_bytes(data)
 
     def _wait_for_state(self, frames: list[Frame]) -> None:
         """Wait until the robot has settled and replies report its state (A-4-9, A-4.8-3)."""

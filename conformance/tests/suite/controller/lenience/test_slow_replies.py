@@ -10,6 +10,7 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
@@ -118,3 +119,26 @@ def test_request_that_the_suite_has_sent_too_slowly(
     slow = cases["2/5.slowly"]
     assert (slow.verdict, slow.reason) == (Verdict.INCONCLUSIVE, Reason.STALLED)
     assert "it has sent a request with a pause of 2.700 s inside" in slow.message
+
+
+def test_a_slow_disk_causes_no_pause_inside_a_request(
+    run_cases: RunCases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a request may change is written to the journal before its first byte is sent."""
+    subjects: list[ControllerUnderTest] = []
+    begin, write = ControllerUnderTest.begin_case, Journal.write
+
+    def begin_case(subject: ControllerUnderTest) -> None:
+        subjects.append(subject)
+        begin(subject)
+
+    def write_slowly(journal: Journal, event: str, **values: Any) -> None:
+        if subjects:
+            subjects[-1].pause(2)
+        write(journal, event, **values)
+
+    monkeypatch.setattr(ControllerUnderTest, "begin_case", begin_case)
+    monkeypatch.setattr(Journal, "write", write_slowly)
+    cases = run_cases(ControllerCore, "4.2/4", examples=10)
+    assert cases["4.2/4.sequences"].verdict is Verdict.PASS
+    assert not cases.problems
