@@ -5,7 +5,8 @@ came in time rests on received bytes: it is final, and the case is repeated once
 it is reproducible. A failure of an attempt in which a message was missing or late must occur in two
 attempts. A case that is never repeated waits longer for the message instead: a late message proves
 nothing, a missing one fails the case. An attempt during which this machine stalled proves nothing,
-unless it passed; nor does one in which a command ended before the case could use it.
+unless it passed, or unless the subject has answered nothing since; nor does one in which a command
+ended before the case could use it.
 """
 
 from collections.abc import Sequence
@@ -38,6 +39,7 @@ class Attempt:
         late: Whether a message was missing or late during it.
         delayed: Whether a message that was due came late, and the case is not repeated.
         stall_s: The longest time for which this machine stalled during it, in seconds; 0 for none.
+        died: Whether the subject has answered nothing since.
     """
 
     outcome: Outcome
@@ -45,10 +47,13 @@ class Attempt:
     late: bool = False
     delayed: bool = False
     stall_s: float = 0.0
+    died: bool = False
 
     @property
     def valid(self) -> bool:
         """Whether the attempt counts."""
+        if self.died and self.failed:
+            return True
         stalled = self.stall_s and self.outcome.verdict in _UNDECIDED
         return not stalled and self.outcome.reason not in (Reason.TOO_SHORT, Reason.STALLED)
 

@@ -122,7 +122,7 @@ class CaseRunner(CaseCollector):
         self.outcomes: list[Outcome] = []
         self._callbacks, self._completed = callbacks, completed
         self._dead = self._unmoved = ""
-        self._survived = True
+        self._survived, self._died = True, False
         self._at_last = self._ready = self._stop_reported = False
         self._failed: set[str] = set()
         self._sighted: set[str] = set()
@@ -340,6 +340,7 @@ class CaseRunner(CaseCollector):
             bool(observer.attempt.late),
             observer.attempt.delayed,
             max((stall.duration_s for stall in stalls), default=0.0),
+            self._died,
         )
 
     def _try(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
@@ -569,6 +570,7 @@ class CaseRunner(CaseCollector):
             self._ready = False
             subject.settle()
         except CaseFailed as error:
+            self._died = True
             self.give_up(
                 UserMessage(
                     "the subject does not answer since the earlier case {id}: {error}",

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.judge.verdicts import Cause, Finding, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.mutants.operators.controller.connections import with_framer
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -77,6 +78,15 @@ def test_a_stalled_attempt_is_repeated(  # noqa: PLR0913, PLR0917 - a table
     message = "this machine stalled for 2.0 s: it is wrong"
     assert (result.message == message) is (verdict is Verdict.INCONCLUSIVE)
     assert next(before_and_after, None) is None
+
+
+def test_a_stall_does_not_explain_a_dead_controller() -> None:
+    """The case cannot be repeated, and the failure is reported."""
+    dies = mutants()["dies-of-its-own-form"].wrong
+    access = MemoryAccess(Robot(dies, DEFAULT).network)
+    options = Options(frozenset({"3/23"}), allowed=ALL)
+    run = Run(ControllerAdapter(access, Ics(), PASSWORD, options), stalls=repeat([STALL]).__next__)
+    assert run.results().verdict is Conclusion.NONCONFORMANT
 
 
 SPLIT = """
