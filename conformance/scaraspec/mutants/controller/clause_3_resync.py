@@ -228,7 +228,7 @@ row(
     "dies-of-its-own-form",
     "3/23",
     "The controller crashes on a frame with the start and end bytes of a reply.",
-    crashes_on_bytes(lambda data: _is_reply(data) and len(data) > 3),
+    crashes_on_bytes(lambda data: _is_reply(data) and len(data) > 3 and data[2] == len(data) - 4),
 )
 
 
