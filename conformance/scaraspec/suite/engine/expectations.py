@@ -125,6 +125,10 @@ class SentTooSlowly(CaseInconclusive):
     reason = Reason.STALLED
 
 
+class GivenUp(SentTooSlowly):
+    """The suite has not sent the last part of a request, because a pause before was too long."""
+
+
 class Unreadable(CaseInconclusive):
     """The subject reports no valid status, so it is unknown whether it is at rest.
 

@@ -24,6 +24,7 @@ from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
     CaseSkipped,
+    GivenUp,
     NoReply,
     SentTooSlowly,
 )
@@ -120,6 +121,7 @@ class OutgoingConnection(Connection):
         """Send one frame.
 
         Raises:
+            GivenUp: A long pause inside became too long.
             RuntimeError: The suite is defective: the case does not declare the hazard.
         """
         self._subject.require_permitted(frame.opcode)
@@ -129,8 +131,12 @@ class OutgoingConnection(Connection):
         self._before([frame])  # not inside the request: a write to the journal may take long
         for number, part in enumerate(split_bytes(frame.encode(), self.cuts)):
             if number:
-                self.wait(self.long_pause_s or _CUT_S)
-                self.long_pause_s = 0.0
+                pause_s, self.long_pause_s = self.long_pause_s, 0.0
+                begun_ns = self._subject.now_ns
+                self.wait(pause_s or _CUT_S)
+                self._request_pause_ns = self._subject.now_ns - begun_ns
+                if pause_s and self._is_slow:
+                    raise GivenUp(self._slow_message())
             self.send_bytes(part, checked=frame)
 
     def send_bytes(self, data: bytes, *, checked: Frame | None = None) -> None:
@@ -377,14 +383,20 @@ class OutgoingConnection(Connection):
         Raises:
             SentTooSlowly: This machine was too slow.
         """
-        if self._request_pause_ns * self._subject.ics.time_scale > LONGEST_PAUSE_NS:
-            raise SentTooSlowly(
-                UserMessage(
-                    "this machine is too slow: it has sent a request with a pause of "
-                    "{pause_s:.3f} s inside",
-                    pause_s=self._request_pause_ns / _NS,
-                )
-            )
+        if self._is_slow:
+            raise SentTooSlowly(self._slow_message())
+
+    @property
+    def _is_slow(self) -> bool:
+        """Whether the last request had a pause after which it may be dropped (A-3-11)."""
+        return self._request_pause_ns * self._subject.ics.time_scale > LONGEST_PAUSE_NS
+
+    def _slow_message(self) -> UserMessage:
+        return UserMessage(
+            "this machine is too slow: it has sent a request with a pause of {pause_s:.3f} s "
+            "inside",
+            pause_s=self._request_pause_ns / _NS,
+        )
 
     def dependency(self, due: ExpectedReply) -> str:
         """Return the case that has shown that this final result never comes.

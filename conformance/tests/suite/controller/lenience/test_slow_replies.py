@@ -10,6 +10,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.malformed.delivery import SLOWEST_S
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
@@ -142,3 +144,23 @@ def test_a_slow_disk_causes_no_pause_inside_a_request(
     cases = run_cases(ControllerCore, "4.2/4", examples=10)
     assert cases["4.2/4.sequences"].verdict is Verdict.PASS
     assert not cases.problems
+
+
+def test_a_busy_machine_makes_a_pause_inside_a_request_too_long(
+    run_cases: RunCases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sequence gives the request up, and continues on another connection."""
+    given_up: list[float] = []
+    wait = OutgoingConnection.wait
+
+    def wait_long(line: OutgoingConnection, for_s: float) -> None:
+        if for_s == SLOWEST_S:
+            given_up.append(for_s)
+            for_s = 1.5
+        wait(line, for_s)
+
+    monkeypatch.setattr(OutgoingConnection, "wait", wait_long)
+    cases = run_cases(ControllerCore, "4.2/4", "4.20/3", examples=20)
+    assert cases["4.2/4.sequences"].verdict is Verdict.PASS
+    assert not cases.problems
+    assert given_up
