@@ -12,12 +12,15 @@ _TIMEOUT_S: Final = 5.0
 
 def version_text() -> str:
     """Return the version and, if it is known, the commit: ``0.3.0 (commit 0123456789ab)``."""
-    commit = _commit()
-    return metadata.version("scaraspec") + (f" (commit {commit})" if commit else "")
+    built_from = commit()
+    return metadata.version("scaraspec") + (f" (commit {built_from})" if built_from else "")
 
 
-def _commit() -> str:
-    """Return the commit of the build, or of the checkout that contains this package."""
+def commit() -> str:
+    """Return the commit of the build, or of the checkout that contains this package.
+
+    It ends in ``-dirty`` if files were changed, and is empty if no commit is known.
+    """
     if _BUILT.exists():
         return _BUILT.read_text("ascii").strip()
     checkout = _PACKAGE.parents[1]

@@ -5,16 +5,14 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
-import scaraspec
 from scaraspec.report.model import Results
 from scaraspec.suite.engine.ics import LABORATORY, SAMPLE, Ics
 from scaraspec.user_message import UserMessage
+from scaraspec.version import commit
 
 _TIMEOUT_S: Final = 10
-_FOLDER: Final = Path(scaraspec.__file__).parent
 _MACHINE: Final = ("host", "operating_system", "python", "clock")
 _ROUND_TRIP: Final = "get_status"
 
@@ -62,7 +60,7 @@ def environment(ics: Ics, results: Results) -> dict[str, Mapping[str, object]]:
             "python": platform.python_version(),
             "clock": _clock(),
         },
-        "tool": {"version": results.tool.version, "commit": _commit()},
+        "tool": {"version": results.tool.version, "commit": commit()},
         "round_trip": round_trip(results),
     }
 
@@ -85,15 +83,6 @@ def _clock() -> str:
     """Return whether the system clock is synchronized; "unknown" if the system does not say."""
     answer = _output("timedatectl", "show", "--property=NTPSynchronized", "--value")
     return {"yes": "synchronized", "no": "not synchronized"}.get(answer, "unknown")
-
-
-def _commit() -> str:
-    """Return the commit of this tool; empty if it is installed without its repository."""
-    if not _output("git", "-C", f"{_FOLDER}", "ls-files", "__init__.py"):
-        return ""  # the folder is inside of another repository, or of none
-    commit = _output("git", "-C", f"{_FOLDER}", "rev-parse", "HEAD")
-    changed = _output("git", "-C", f"{_FOLDER}", "status", "--porcelain", "--untracked-files=no")
-    return f"{commit}, with changes" if changed else commit
 
 
 def _output(program: str, *arguments: str) -> str:

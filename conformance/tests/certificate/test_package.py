@@ -24,7 +24,9 @@ from certification import (
 )
 from wording import ROOT
 
+from scaraspec import version
 from scaraspec.api.certificates import PackageError, verify_package, write_package
+from scaraspec.certificate.environment import environment
 from scaraspec.certificate.mandatory import MandatoryList
 from scaraspec.certificate.package import FILES, MANIFEST, plain_json
 from scaraspec.judge.verdicts import ExitStatus
@@ -109,6 +111,17 @@ def test_environment(package: Path) -> None:
     assert found["tool"]["version"] == Tool.own().version
     assert found["round_trip"]["command"] == "get_status"
     assert found["round_trip"]["count"] > 0
+
+
+def test_commit_of_an_installed_tool(
+    run_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An installation has no checkout: the commit is the one that the wheel states."""
+    (tmp_path / "commit").write_text("0123456789ab\n")
+    monkeypatch.setattr(version, "_BUILT", tmp_path / "commit")
+    found: Any = environment(ICS, Results.read(run_folder / "results.json"))
+    assert found["tool"]["commit"] == "0123456789ab"
+    assert version.version_text().endswith(" (commit 0123456789ab)")
 
 
 @pytest.mark.parametrize(
