@@ -32,6 +32,19 @@ def test_the_reference_client(processes: Any, tmp_path: Path) -> None:
     assert {"capture.mcap", "report.html", "junit.xml", "ctrf.json"} <= made
 
 
+def test_nothing_else_is_written(tmp_path: Path) -> None:
+    """A run that draws texts leaves only its results in the folder where the user works."""
+    command = ("certify", "client", "--driver", OWN, "--only", "4.1", "--out", "out")
+    subprocess.run(
+        [sys.executable, "-m", "scaraspec", *command],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        timeout=120,
+    )
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]
+
+
 ANSWER = """
 import json
 while True:

@@ -3,7 +3,8 @@
 By default, hypothesis also tries constants from local modules. In a source tree these are the
 loaded modules of scaraspec, in an installation there are none, so the draws would differ. No
 setting disables this, so this module patches a private function of hypothesis. If a version of
-hypothesis has no such function, the constants are tried.
+hypothesis has no such function, the constants are tried. The folder in which hypothesis writes is
+patched in the same way, because it can be set but not be read: it is the user's again afterwards.
 
 The seed is set as hypothesis' own pytest option ``--hypothesis-seed`` sets it: it applies to the
 functions that a case makes while it runs, too.
@@ -11,11 +12,13 @@ functions that a case makes while it runs, too.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Final
 
 import pytest
-from hypothesis import HealthCheck, Phase, core, settings
+from hypothesis import HealthCheck, Phase, configuration, core, settings
 from hypothesis.internal.conjecture import providers
 
 _PROFILE: Final = "scaraspec-suite"
@@ -65,13 +68,15 @@ class HypothesisProfile:
 
 
 @contextmanager
-def without_constants() -> Iterator[None]:
-    """Keep hypothesis from reading the local modules while it collects cases.
+def without_files() -> Iterator[None]:
+    """Keep hypothesis from reading the local modules, and from writing where the user works.
 
-    It would read hundreds of files, and write a folder where the user works.
+    It would read hundreds of files while it collects cases, and write a table of characters into a
+    folder ``.hypothesis``.
     """
-    with pytest.MonkeyPatch.context() as patch:
+    with TemporaryDirectory(prefix="scaraspec-") as folder, pytest.MonkeyPatch.context() as patch:
         _hide_constants(patch)
+        patch.setattr(configuration, "__hypothesis_home_directory", Path(folder), raising=False)
         yield
 
 

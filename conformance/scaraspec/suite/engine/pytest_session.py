@@ -16,7 +16,7 @@ import pytest
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case_collector import CaseCollector
 from scaraspec.suite.engine.collection import CASES, SuiteError
-from scaraspec.suite.engine.hypothesis_profile import without_constants
+from scaraspec.suite.engine.hypothesis_profile import without_files
 from scaraspec.suite.engine.plan import Options
 from scaraspec.user_message import UserMessage
 
@@ -45,7 +45,7 @@ def run_pytest(
         ("--capture=no",) if options.attended else ()
     )  # an operator reads prompts and types replies
     how = (*_SIMPLE, *(["--collect-only"] if only_collect else ()))
-    with _without_user_settings(), without_constants():
+    with _without_user_settings(), without_files():
         status = pytest.main(
             [*map(str, where), *alone, *plugins, *output, *how],
             plugins=[collector, _ShortTracebacks(), _OnlyThese(where)],
