@@ -188,10 +188,11 @@ licences: $(READY)
 	$(BIN)/python release/licences.py
 
 wheel: $(READY)
-	rm -rf dist
+	rm -f dist/scaraspec-*
 	$(BIN)/python -m build --no-isolation --wheel
 
-# A folder with everything that a machine without internet needs: `make wheelhouse PLATFORM=windows`.
+# A folder with everything that a machine without internet needs: `make wheelhouse PLATFORM=windows`
+# (docs/install.md).
 PLATFORM ?= linux
 PLATFORM_PYTHON ?= 3.12
 EXTRAS ?= pcap,serial
@@ -199,7 +200,7 @@ WHEELS ?= dist/wheels-$(PLATFORM)
 wheelhouse: wheel
 	$(BIN)/pip install --quiet uv
 	$(BIN)/python release/wheelhouse.py dist/scaraspec-*.whl --platform $(PLATFORM) \
-	  --python $(PLATFORM_PYTHON) --extras $(EXTRAS) --out $(WHEELS)
+	  --python $(PLATFORM_PYTHON) --extras "$(EXTRAS)" --out $(WHEELS)
 
 # Updates the lock file, only on request; it contains versions and hashes, and no index.
 lock: $(READY)

@@ -18,7 +18,7 @@ sed -E -e '/^ *--hash/d' -e 's/ \\$//' requirements.lock >"$work/constraints.txt
 "${PYTHON:-python3}" -m venv "$work/tools"
 "$work/tools/bin/pip" install --quiet --disable-pip-version-check \
   build hatchling twine check-wheel-contents
-rm -rf dist
+rm -f dist/scaraspec-*
 "$work/tools/bin/python" -m build --no-isolation # the wheel is built from the sdist
 "$work/tools/bin/twine" check --strict dist/*.tar.gz dist/*.whl
 "$work/tools/bin/check-wheel-contents" dist/*.whl

@@ -33,9 +33,11 @@ def main() -> None:
     parser.add_argument("wheel", type=Path, help="the wheel of scaraspec, made by `make wheel`")
     parser.add_argument("--platform", choices=_PLATFORMS, required=True)
     parser.add_argument("--python", default="3.12", help="version on the other machine [3.12]")
-    parser.add_argument("--extras", default="pcap,serial", help="[pcap,serial]")
+    parser.add_argument("--extras", default="pcap,serial", help="empty for none [pcap,serial]")
     parser.add_argument("--out", type=Path, default=Path("wheels"), help="the folder [wheels]")
     given = parser.parse_args()
+    if next(given.out.glob("*.whl"), None):
+        sys.exit(f"{given.out} has wheels already: remove it, or choose another folder")
     platform, tags = _PLATFORMS[given.platform]
     wheel = given.wheel.resolve()
     wanted = f"scaraspec[{given.extras}] @ {wheel.as_uri()}\n"
