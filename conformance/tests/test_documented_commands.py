@@ -60,10 +60,10 @@ def robot(tmp_path: Path) -> Iterator[str]:
     ids=map(_name, RUN),
 )
 def test_commands(page: Path, robot: str, tmp_path: Path) -> None:
-    """The blocks of a page run in their order, in a new folder."""
+    """The blocks of a page run in their order, in a new folder, with the extras that it names."""
     folder = tmp_path / "reader"
     folder.mkdir()
-    assert Reader(folder, robot, variables_for(tmp_path)).follow(page)
+    assert Reader(folder, robot, variables_for(tmp_path, page)).follow(page)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_name)

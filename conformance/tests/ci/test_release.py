@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from documented_commands import hide_extras
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from wording import ROOT
@@ -16,24 +17,13 @@ from wording import ROOT
 from scaraspec.cli.main import COMMANDS
 
 _TIMEOUT_S = 60
-_EXTRA_MODULES = (
-    *("rerun", "numpy", "pyarrow", "scapy", "serial", "prometheus_client"),
-    *("duckdb", "fsspec", "s3fs", "distributed"),
-)
 _COMPLAINT = str(ROOT / "fixtures/captures/field/complaint-1.pcapng")
 
 
 @pytest.fixture
 def light(tmp_path: Path) -> dict[str, str]:
     """The environment of processes that have no module of an extra."""
-    (tmp_path / "sitecustomize.py").write_text(
-        "from importlib.machinery import PathFinder\n"
-        "find = PathFinder.find_spec\n"
-        "def find_spec(name, path=None, target=None):\n"
-        f"    missing = name.partition('.')[0] in {_EXTRA_MODULES!r}\n"
-        "    return None if missing else find(name, path, target)\n"
-        "PathFinder.find_spec = find_spec\n"
-    )
+    hide_extras(tmp_path)
     path = f"{tmp_path}:{ROOT / 'conformance'}:{ROOT / 'recorder'}"
     return os.environ | {"PYTHONPATH": path, "SCARASPEC_STATE": str(tmp_path / "state")}
 
@@ -107,6 +97,36 @@ def test_a_missing_extra_is_one_sentence(
     assert done.stderr.startswith("scaraspec: ")
     assert done.stderr.count("\n") == 1
     assert f"pip install 'scaraspec[{extra}]'" in done.stderr
+
+
+def test_a_folder_of_wheels_is_for_one_machine(tmp_path: Path) -> None:
+    """Wheels for another Python, or an older scaraspec, are neither mixed in nor removed."""
+    (tmp_path / "old.whl").touch()
+    script = (sys.executable, f"{ROOT / 'release/wheelhouse.py'}")
+    done = subprocess.run(
+        [*script, "scaraspec.whl", "--platform", "linux", "--out", f"{tmp_path}"],
+        capture_output=True,
+        text=True,
+        timeout=_TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr == f"{tmp_path} has wheels already: remove it, or choose another folder\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["old.whl"]
+
+
+def test_a_folder_of_wheels_without_extras() -> None:
+    """`make wheelhouse EXTRAS=`, and folders for other machines stay in `dist`."""
+    commands = subprocess.run(
+        ["make", "--dry-run", "wheelhouse", "EXTRAS="],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=_TIMEOUT_S,
+        check=True,
+    ).stdout
+    assert '--extras ""' in commands
+    assert re.findall("^rm .*", commands, re.MULTILINE) == ["rm -f dist/scaraspec-*"]
 
 
 def test_completion_of_commands_imports_none(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -35,6 +36,20 @@ _BLOCK: Final = re.compile(
 )
 _MARK: Final = re.compile(r"<!-- (not run|prepare|exit status|runs until|stop): (.*?) -->")
 _ADDRESS: Final = re.compile(r"(127\.0\.0\.1|0\.0\.0\.0|192\.168\.1\.2)(:88\d\d)?(?![\d.])")
+_EXTRA: Final = re.compile(r"scaraspec\[([\w,]+)\]|extras? `(\w+)`")
+_TABLES: Final = ("pyarrow",)
+_ARCHIVE: Final = (*_TABLES, "scapy", "duckdb", "fsspec")
+_MODULES: Final = {
+    "view": ("rerun", "numpy", *_TABLES),
+    "pcap": ("scapy",),
+    "serial": ("serial",),
+    "tables": _TABLES,
+    "metrics": ("prometheus_client",),
+    "archive": _ARCHIVE,
+    "s3": (*_ARCHIVE, "s3fs"),
+    "dask": (*_ARCHIVE, "distributed"),
+}
+"""The modules that an extra installs."""
 TIMEOUT_S: Final = 900
 _POLL_S: Final = 0.05
 
@@ -187,8 +202,34 @@ class Reader:
                 os.killpg(process.pid, signal.SIGTERM)
 
 
-def variables_for(folder: Path) -> dict[str, str]:
-    """Return an environment in which `scaraspec` is this version, with its own state."""
+def extras_of(page: Path) -> set[str]:
+    """Return the extras that a page names, so that its reader has installed them."""
+    found = _EXTRA.findall(page.read_text("utf-8"))
+    return {extra for names in found for name in names if name for extra in name.split(",")}
+
+
+def hide_extras(folder: Path, installed: AbstractSet[str] = frozenset()) -> None:
+    """Write a file that hides the modules of extras from each Python with `folder` in its path."""
+    present = {module for extra in installed for module in _MODULES[extra]}
+    hidden = {module for modules in _MODULES.values() for module in modules} - present
+    (folder / "sitecustomize.py").write_text(
+        "from importlib.machinery import PathFinder\n"
+        "find = PathFinder.find_spec\n"
+        "def find_spec(name, path=None, target=None):\n"
+        f"    hidden = name.partition('.')[0] in {hidden!r}\n"
+        "    return None if hidden else find(name, path, target)\n"
+        "PathFinder.find_spec = find_spec\n"
+    )
+
+
+def variables_for(folder: Path, page: Path) -> dict[str, str]:
+    """Return an environment in which `scaraspec` is this version, with its own state.
+
+    Args:
+        folder: A folder for its files.
+        page: The page whose reader it is for: only the extras that it names are installed.
+    """
+    hide_extras(folder, extras_of(page))
     programs = folder / "bin"
     programs.mkdir()
     program = programs / "scaraspec"
@@ -196,6 +237,7 @@ def variables_for(folder: Path) -> dict[str, str]:
     program.chmod(0o755)
     return os.environ | {
         "PATH": f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "PYTHONPATH": os.pathsep.join(filter(None, (f"{folder}", os.environ.get("PYTHONPATH")))),
         "SCARASPEC_STATE": f"{folder / 'state'}",
         "PYTHONUNBUFFERED": "1",
         "REPOSITORY": f"{ROOT}",
