@@ -189,4 +189,5 @@ def _seek(viewer: subprocess.Popen[bytes], url: str, at_ns: int) -> None:
                 client.set_time("time", timestamp=moment, play_state="paused")
                 return
         time.sleep(_AGAIN_S)
-    click.echo(localized("the viewer cannot be reached: move to the time by hand"), err=True)
+    if not viewer.poll():  # otherwise it did not start
+        click.echo(localized("the viewer cannot be reached: move to the time by hand"), err=True)

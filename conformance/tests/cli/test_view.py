@@ -132,13 +132,14 @@ def test_a_recording_in_progress(
     recorder.communicate(timeout=60)
 
 
+@pytest.mark.parametrize("options", [(), ("--finding", "1")])
 def test_a_viewer_without_a_screen(
-    processes: Any, fixtures_dir: Path, monkeypatch: pytest.MonkeyPatch
+    processes: Any, fixtures_dir: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]
 ) -> None:
     """Without a screen the viewer ends immediately: one sentence, exit status 3."""
     monkeypatch.setenv("RERUN_CLI_PATH", "/bin/false")
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
-    done = processes.run("view", str(source))
+    done = processes.run("view", str(source), *options)
     assert done.returncode == 3
     assert done.stderr == "scaraspec: the Rerun viewer did not start: is there a screen?\n"
 
