@@ -92,7 +92,11 @@ def _lines(answers: Answers | None) -> Iterator[str]:
     yield from (f'# {key} = ""' for key in SAMPLE)
     yield from ("", "# Who tests it.", "[laboratory]")
     yield from (f'# {key} = ""' for key in LABORATORY)
-    yield from ("", "# Open points of the document: spec/register.md.", "[readings]")
+    yield ""
+    yield from _comment(
+        "Open points of the document. `scaraspec requirements --entry A-0-9` explains one."
+    )
+    yield "[readings]"
     for reading in READINGS.values():
         yield from _reading(reading, answers.readings.get(reading.key, ()) if answers else ())
     yield from ("", "# How far the arm may be moved.", "[motion]")
