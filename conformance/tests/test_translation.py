@@ -127,9 +127,17 @@ def _run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
 
 def test_help_is_in_the_language_of_the_option() -> None:
     """Texts, headings and the words of click are Chinese; no line is too wide."""
-    for arguments in (("--help",), ("certify", "controller", "--help"), ("audit", "--help")):
-        shown = _run("--language", "zh", *arguments).stdout
+    for arguments in (
+        ("--language", "zh", "--help"),
+        ("--language", "zh", "certify", "controller", "--help"),
+        ("--language", "zh", "program", "--help"),
+        ("--language", "zh", "audit", "--help"),
+        ("audit", "--language", "zh", "--help"),
+        ("archive", "report", "--language", "zh", "--help"),
+    ):
+        shown = _run(*arguments).stdout
         assert shown.startswith("用法：")
+        assert "显示本说明并退出。" in shown
         assert not re.search(r"[a-z]{3,}\.$", shown, re.MULTILINE), shown
 
 

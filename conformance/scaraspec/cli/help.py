@@ -48,7 +48,18 @@ class GroupedCommand(click.Command):
 
 
 class LocalizedContext(click.Context):
-    """A context whose help is wrapped as the display language needs it."""
+    """A context whose help is in the display language, and is wrapped as this language needs it.
+
+    The help is translated when it is printed, because an option of the command itself may select
+    the language.
+    """
+
+    def get_help(self) -> str:
+        """Return the help of the command."""
+        option = self.command.get_help_option(self)
+        if option:  # click has translated it when it read the command line
+            option.help = localized("Show this message and exit.")
+        return in_display_language(self.command).get_help(self)
 
     def make_formatter(self) -> click.HelpFormatter:
         """Return the formatter of the help."""
@@ -60,6 +71,9 @@ class LocalizedContext(click.Context):
 
 class _ChineseFormatter(click.HelpFormatter):
     """Breaks lines between Chinese characters, which take two columns each."""
+
+    def write_heading(self, heading: str) -> None:
+        self.write(f"{'':{self.current_indent}}{heading}：\n")
 
     def write_text(self, text: str) -> None:
         super().write_text(_wrapped(text, self.width - self.current_indent))
@@ -110,12 +124,20 @@ def texts_of(command: click.Command) -> Iterator[str]:
             yield normalized(option.help)
 
 
+def with_localized_help(command: C) -> C:
+    """Make a command and those below it show their help in the display language."""
+    command.context_class = LocalizedContext
+    if isinstance(command, click.Group):
+        for below in command.commands.values():
+            with_localized_help(below)
+    return command
+
+
 def in_display_language(command: C) -> C:
     """Return a command with its help texts in the display language."""
     if display_language() is Language.ENGLISH:
         return command
     translated = copy(command)
-    translated.context_class = LocalizedContext
     translated.help, translated.epilog = _translated(command.help), _translated(command.epilog)
     translated.short_help = _translated(command.short_help)
     translated.params = [_translated_option(parameter) for parameter in command.params]

@@ -12,7 +12,7 @@ import traceback
 import click
 from click.shell_completion import CompletionItem
 
-from scaraspec.cli.help import LocalizedContext, in_display_language
+from scaraspec.cli.help import LocalizedContext, with_localized_help
 from scaraspec.cli.options import language_option
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.stdio import ending_alike, outliving_readers
@@ -78,22 +78,13 @@ class _Lazy(click.Group):
         module = importlib.import_module(f"scaraspec.cli.{cmd_name.replace('-', '_')}")
         command = module.command
         assert isinstance(command, click.Command)
-        return in_display_language(command)
+        return with_localized_help(command)
 
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:  # click would exit with 1, which means nonconformant
             raise Problem("interrupted", ExitStatus.INCONCLUSIVE) from None
-
-    def get_help_option(self, ctx: click.Context) -> click.Option | None:
-        option = super().get_help_option(ctx)
-        if option:  # click has translated it before it has read --language
-            option.help = localized("Show this message and exit.")
-        return option
-
-    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        super(_Lazy, in_display_language(self)).format_help(ctx, formatter)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
         with formatter.section(localized("Commands")):
