@@ -86,7 +86,7 @@ def translate(message: str, language: Language) -> str:
     if language is Language.ENGLISH:
         return f"{message}"
     if not isinstance(message, UserMessage):
-        return _catalogue(language).gettext(message) if message else message
+        return _translated_template(message, language) or message
     if (template := _translated_template(message.template, language)) is None:
         return f"{message}"
     values = {name: _translated_value(text, language) for name, text in message.values.items()}
@@ -109,14 +109,19 @@ def _translated_template(template: str, language: Language) -> str | None:
         last = _looked_up(template[cut:], language)
         if last is not None and (first := _translated_template(template[:cut], language)):
             return first + last
-    return None
+    return None if _WORD.search(_FIELD.sub("", template)) else template
 
 
 _SEAM: Final = re.compile(r" \(|[,;:.] | completely| in \{")
 """Where a template may have been joined to another one."""
+_FIELD: Final = re.compile(r"\{[^{}]*\}")
+_WORD: Final = re.compile(r"[A-Za-z]")
+"""What a template has outside of its fields, unless it is the same in every language."""
 
 
 def _looked_up(text: str, language: Language) -> str | None:
+    if not text:  # the key of the header of a catalogue
+        return None
     translation = _catalogue(language).gettext(text)
     return None if translation == text else translation
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import click
+from rich.cells import cell_len, set_cell_size
 from rich.console import Console
 from rich.table import Table
 
@@ -222,6 +223,9 @@ class _Text:
     def __init__(self, *, frames: bool) -> None:
         self._frames = frames
         self._day = ""
+        sides = {direction: localized(side) for direction, side in SIDES.items()}
+        width = max(map(cell_len, sides.values()))
+        self._sides = {direction: set_cell_size(side, width) for direction, side in sides.items()}
 
     def show(self, step: "Step") -> None:
         """Print a line for the event, if it has one, and one for each finding."""
@@ -236,9 +240,14 @@ class _Text:
         if isinstance(event, FrameSeen):
             if not (self._frames or always):
                 return ""
-            return f"{event.name} {event_text.part_of(event)}: {event_text.frame_text(event)}"
+            return localized(
+                "{name} {part}: {data}",
+                name=event.name,
+                part=event_text.part_of(event),
+                data=event_text.frame_text(event),
+            ).rstrip()
         line = event_text.log_line(event)
-        return line.text if line else ""
+        return localized(line.text) if line else ""
 
     def _print(self, event: TrafficEvent, text: str) -> None:
         place = place_of(event)
@@ -246,15 +255,20 @@ class _Text:
         if day != self._day:
             self._day = day
             click.echo(f"{day} (UTC)")
-        line = f"{clock[:15]}  {place.connection}  {SIDES[place.direction]:10}  {text}"
+        line = f"{clock[:15]}  {place.connection}  {self._sides[place.direction]}  {text}"
         click.echo(visible_line(line))
 
 
 def _finding_text(finding: Finding) -> str:
-    compared = comparison(localized(finding.expected), localized(finding.observed))
-    more = f" ({compared})" if compared else ""
-    verdict, message = localized(finding.verdict.value), localized(finding.message)
-    return f"{verdict} {finding.requirement}: {message}{more}"
+    message = localized(finding.message)
+    if compared := comparison(localized(finding.expected), localized(finding.observed)):
+        message = localized("{message} ({compared})", message=message, compared=compared)
+    return localized(
+        "{verdict} {requirement}: {message}",
+        verdict=UserMessage(finding.verdict.value),
+        requirement=finding.requirement,
+        message=message,
+    )
 
 
 def _print_latencies(stats: SessionStats) -> None:

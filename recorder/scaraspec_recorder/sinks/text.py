@@ -1,6 +1,6 @@
 """Texts of traffic events and findings: log lines and payload texts, the same in all outputs.
 
-Texts never contain passwords.
+Texts are messages: a command can show them in another language. They never contain passwords.
 """
 
 from collections.abc import Callable
@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol import commands, errors
 from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import StatusCode, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
@@ -35,9 +36,11 @@ from scaraspec.traffic.events import (
     Transfer,
     UnsolicitedReply,
 )
-from scaraspec.traffic.wire import WireRange
+from scaraspec.traffic.wire import Kind, WireRange
+from scaraspec.user_message import UserMessage
 
-SECRET: Final = "(password)"  # noqa: S105 - the replacement of a password
+SECRET: Final = UserMessage("(password)")
+"""The replacement of a password."""
 TEXT_LIMIT: Final = 200
 """The text of a payload has at most so many characters."""
 
@@ -83,7 +86,7 @@ def name_of(seen: FrameSeen) -> str:
 
 def part_of(seen: FrameSeen) -> str:
     """Return the part of the command: request, reply or result; empty if undefined."""
-    return seen.parsed.part if seen.parsed else ""
+    return _PARTS[seen.parsed.part] if seen.parsed else ""
 
 
 def frame_text(seen: FrameSeen) -> str:
@@ -107,35 +110,45 @@ def defect_texts(seen: FrameSeen) -> tuple[str, ...]:
 
 def code_text(code: str) -> str:
     """Return a code of table 8-1 with its meaning."""
-    row = errors.lookup(code)
-    return f"{code} {row.meaning}" if row else code
+    if row := errors.lookup(code):
+        return UserMessage("{code} {meaning}", code=code, meaning=_message(row.meaning))
+    return code
 
 
 def exchange_text(exchange: Exchange) -> str:
     """Return the text of an exchange: request, replies, ending and duration."""
-    request = frame_text(exchange.request)
-    parts = [f"{exchange.name} {request}".rstrip()]
+    reply = ""
     if exchange.reply:
-        parts.append(frame_text(exchange.reply) or "an empty reply")
+        reply = frame_text(exchange.reply) or UserMessage("an empty reply")
     elif exchange.malformed:
-        parts.append(f"malformed reply {hex_text(exchange.malformed)}")
-    if exchange.result:
-        parts.append(frame_text(exchange.result))
-    if exchange.ending is not Ending.ANSWERED:
-        parts.append(exchange.ending.value)
-    text = " → ".join(parts)
+        reply = UserMessage("malformed reply {data}", data=hex_text(exchange.malformed))
     took_ns = exchange.latency_ns if exchange.duration_ns is None else exchange.duration_ns
-    return text if took_ns is None else f"{text} ({_duration_text(took_ns)})"
+    values = {
+        "name": exchange.name,
+        "request": frame_text(exchange.request),
+        "reply": reply,
+        "result": frame_text(exchange.result) if exchange.result else "",
+        "ending": _ENDINGS.get(exchange.ending, ""),
+        "took": "" if took_ns is None else _duration_text(took_ns),
+    }
+    text = template = ""
+    for value, (before, field, after) in zip(values.values(), _EXCHANGE, strict=True):
+        if value:
+            text += before + value + after
+            template += before + field + after
+    return UserMessage.of(text, template, values)
 
 
 def transfer_text(transfer: Transfer) -> str:
     """Return the text of a file transfer."""
-    what = "upload" if transfer.upload else "download"
-    name = show(transfer.name)
-    if transfer.state is TransferState.DONE:
-        return f"{what} of {name} complete: {transfer.received_bytes} bytes"
-    size = "?" if transfer.size_bytes < 0 else transfer.size_bytes
-    return f"{what} of {name} broke off at {transfer.received_bytes} of {size}: {transfer.reason}"
+    done = transfer.state is TransferState.DONE
+    return UserMessage(
+        _TRANSFERS[transfer.upload, done],
+        name=show(transfer.name),
+        count=transfer.received_bytes,
+        size="?" if transfer.size_bytes < 0 else transfer.size_bytes,
+        reason=_message(transfer.reason),
+    )
 
 
 def attachment_name(transfer: Transfer) -> str:
@@ -167,22 +180,86 @@ def _duration_text(duration_ns: int) -> str:
 
 def _undecodable_text(item: InvalidBytes) -> str:
     size = item.place.length_bytes
-    gap = ", beside a gap" if item.touches_gap else ""
-    return (
-        f"{size} byte{'s' * (size != 1)} from the {_SENDER[item.place.direction.value]} "
-        f"that {'are' if size != 1 else 'is'} no frame ({item.reason.value}{gap}): {hex_text(item)}"
+    template = "{count} bytes from the {sender} that are no frame ({reason}): {data}"
+    if size == 1:
+        template = "1 byte from the {sender} that is no frame ({reason}): {data}"
+    reason: str = _message(item.reason.value)
+    if item.touches_gap:
+        reason = UserMessage("{reason}, beside a gap", reason=reason)
+    return UserMessage(
+        template,
+        count=size,
+        sender=_SENDER[item.place.direction],
+        reason=reason,
+        data=hex_text(item),
     )
 
 
 def _gap_text(item: CaptureGap) -> str:
     event = item.event
-    size = "an unknown number of" if event.length_bytes < 0 else event.length_bytes
-    return f"{size} bytes from the {_SENDER[event.direction.value]} are missing: {event.note}"
+    template = "{count} bytes from the {sender} are missing: {note}"
+    if event.length_bytes < 0:
+        template = "an unknown number of bytes from the {sender} are missing: {note}"
+    return UserMessage(
+        template,
+        count=event.length_bytes,
+        sender=_SENDER[event.direction],
+        note=event.note,
+    )
 
 
-_YES_NO: Final = {Acceptance: ("accepted", "refused"), Outcome: ("done", "failed")}
+def _message(text: str) -> UserMessage:
+    """Return a constant sentence as a message; one that is a message already stays it."""
+    if isinstance(text, UserMessage):
+        return text
+    return UserMessage.of(text, text, {})
 
-_SENDER: Final = {"A2C": "client", "C2A": "controller"}
+
+_YES_NO: Final = {
+    Acceptance: (UserMessage("accepted"), UserMessage("refused")),
+    Outcome: (UserMessage("done"), UserMessage("failed")),
+}
+_SENDER: Final = {
+    Direction.A2C: UserMessage("client"),
+    Direction.C2A: UserMessage("controller"),
+}
+_EXCHANGE: Final = (
+    ("", "{name}", ""),
+    (" ", "{request}", ""),
+    (" → ", "{reply}", ""),
+    (" → ", "{result}", ""),
+    (" → ", "{ending}", ""),
+    (" (", "{took}", ")"),
+)
+"""The parts of an exchange, with what is before and after each."""
+_ENDINGS: Final = {
+    Ending.UNANSWERED: UserMessage("unanswered"),
+    Ending.UNFINISHED: UserMessage("unfinished"),
+    Ending.CUT_OFF: UserMessage("cut off"),
+    Ending.HUNG_UP: UserMessage("hung up"),
+    Ending.UNSEEN: UserMessage("unseen"),
+}
+_TRANSFERS: Final = {
+    (True, True): "upload of {name} complete: {count} bytes",
+    (True, False): "upload of {name} broke off at {count} of {size}: {reason}",
+    (False, True): "download of {name} complete: {count} bytes",
+    (False, False): "download of {name} broke off at {count} of {size}: {reason}",
+}
+_LINKS: Final = {
+    Kind.OPENED: "connection {connection} opened",
+    Kind.HALF_CLOSED: "connection {connection} half-closed",
+    Kind.CLOSED: "connection {connection} closed",
+    Kind.RESET: "connection {connection} reset",
+}
+_PARTS: Final = {
+    "request": UserMessage("request"),
+    "reply": UserMessage("reply"),
+    "result": UserMessage("result"),
+}
+_UNASKED: Final = {
+    "reply": "unasked reply of {command}: {data}",
+    "result": "unasked result of {command}: {data}",
+}
 
 
 def _exchange_level(exchange: Exchange) -> str:
@@ -209,15 +286,24 @@ def _value_text(parsed: Parsed) -> str:
     command, part, decoded = parsed
     payload = command.request if part == "request" else command.reply
     value, fields = decoded.value, payload.fields
+    text: str
     match value:
         case Acceptance() | Outcome():
             good, bad = _YES_NO[type(value)]
-            text = good if value[0] else f"{bad} {code_text(value.code or '')}".rstrip()
+            text = good if value[0] else bad
+            if not value[0] and value.code:
+                text = UserMessage("{refused} {code}", refused=bad, code=code_text(value.code))
         case NameListPart():
-            names = ", ".join(show(name) for name in value.names) or "no programs"
-            text = f"{names}, …" if value.more else names
+            text = ", ".join(show(name) for name in value.names) or UserMessage("no programs")
+            if value.more:
+                text = UserMessage("{names}, …", names=text)
         case Chunk():
-            text = f"{len(value.data)} bytes at {value.position} of {value.file_size}"
+            text = UserMessage(
+                "{count} bytes at {position} of {size}",
+                count=len(value.data),
+                position=value.position,
+                size=value.file_size,
+            )
         case tuple():
             text = ", ".join(
                 f"{field.name.removesuffix('_s')} {_scalar_text(item)} {field.unit}".rstrip()
@@ -228,7 +314,7 @@ def _value_text(parsed: Parsed) -> str:
         case None | b"" if (
             isinstance(payload, OptionalRecord | OptionalName) and not decoded.issues
         ):
-            text = "none"
+            text = UserMessage("(none)")
         case _:
             text = _scalar_text(value)
     return text
@@ -239,7 +325,7 @@ def _scalar_text(value: Any) -> str:
         case None:
             return ""
         case bool():
-            return "ok" if value else "refused"
+            return UserMessage("ok") if value else UserMessage("refused")
         case bytes():
             return show(value)
         case float():
@@ -266,10 +352,10 @@ def _undecodable_line(item: InvalidBytes) -> LogLine:
 
 def _link_line(item: LinkChange) -> LogLine:
     event = item.event
-    note = f": {event.note}" if event.note else ""
-    return LogLine(
-        Level.INFO, "connection", f"connection {event.connection} {event.kind.value}{note}"
-    )
+    text = UserMessage(_LINKS[event.kind], connection=event.connection)
+    if event.note:
+        text = UserMessage("{change}: {note}", change=text, note=event.note)
+    return LogLine(Level.INFO, "connection", text)
 
 
 def _lost_line(item: CaptureGap) -> LogLine:
@@ -278,7 +364,9 @@ def _lost_line(item: CaptureGap) -> LogLine:
 
 def _injected_line(item: Injected) -> LogLine:
     event = item.event
-    return LogLine(Level.WARN, "injected", f"connection {event.connection} injected: {event.note}")
+    text = "connection {connection} injected: {note}"
+    message = UserMessage(text, connection=event.connection, note=event.note)
+    return LogLine(Level.WARN, "injected", message)
 
 
 def _transfer_line(transfer: Transfer) -> LogLine:
@@ -288,7 +376,8 @@ def _transfer_line(transfer: Transfer) -> LogLine:
 
 def _unasked_line(item: UnsolicitedReply) -> LogLine:
     seen = item.seen
-    text = f"unasked {part_of(seen)} of {name_of(seen)}: {frame_text(seen)}"
+    template = _UNASKED.get(part_of(seen), "unasked frame of {command}: {data}")
+    text = UserMessage(template, command=name_of(seen), data=frame_text(seen))
     return LogLine(Level.WARN, name_of(seen), text)
 
 

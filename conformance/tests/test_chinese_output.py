@@ -1,0 +1,53 @@
+"""With `--language zh`, no command prints an English sentence. Names and identifiers stay."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from scaraspec.protocol.commands import COMMANDS
+
+_WORD = re.compile(r"(?<![\w./=_<>-])[A-Za-z][a-z]{2,}(?![\w/=_<>-]|\.\w)")
+"""A word that is not a part of a path, an option or an identifier."""
+_NAMES = {name for command in COMMANDS for name in command.name.split("_")} | {
+    field.name
+    for command in COMMANDS
+    for payload in (command.request, command.reply)
+    for field in payload.fields
+}
+"""Names of commands and of fields, which are the same in every language."""
+
+
+def shown(*arguments: str | Path, stream: str = "stdout") -> str:
+    """Return what a command prints in Chinese."""
+    done = subprocess.run(
+        [sys.executable, "-m", "scaraspec", "--language", "zh", *map(str, arguments)],
+        capture_output=True,
+        check=False,
+        encoding="utf-8",
+        env={**os.environ, "PYTHONUTF8": "1", "COLUMNS": "200"},
+    )
+    assert done.returncode in range(5), done.stderr
+    assert "Traceback" not in done.stderr
+    return f"{getattr(done, stream)}"
+
+
+def english(text: str, *names: str) -> list[str]:
+    """Return the lines of a text that have an English word besides the names."""
+    return [line for line in text.splitlines() if {*_words(line)} - _NAMES - {*names}]
+
+
+def _words(line: str) -> Iterator[str]:
+    return (match[0] for match in _WORD.finditer(line))
+
+
+@pytest.mark.parametrize("capture", ["complaint-1", "plant-a-torn", "plant-b-other-dialect"])
+@pytest.mark.parametrize("options", [(), ("--frames",), ("--latency",)])
+def test_exchanges(fixtures_dir: Path, capture: str, options: tuple[str, ...]) -> None:
+    """Events, frames, findings, remarks and heads of columns."""
+    text = shown("exchanges", fixtures_dir / f"captures/field/{capture}.pcapng", *options)
+    assert english(text) == []
