@@ -19,16 +19,19 @@ from babel.messages.catalog import Catalog, Message
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po, write_po
 
+from scaraspec.certificate.decisions import Consequence, decisions
 from scaraspec.cli.help import texts_of
 from scaraspec.cli.main import COMMANDS, group
-from scaraspec.judge.requirements import REQUIREMENTS
+from scaraspec.judge.requirements import REQUIREMENTS, Binds, Strength
 from scaraspec.protocol.readings import READINGS
 from scaraspec.register import register
 from scaraspec.report.model import Role
 from scaraspec.report.texts import ALL_TEXTS
+from scaraspec.suite.engine.case_sheet import case_sheets
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.translation import CLICK_DOMAIN, LOCALE
+from scaraspec.user_message import UserMessage
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 PAGE: Final = ROOT / "docs/translation.md"
@@ -41,7 +44,10 @@ _NO_DATE: Final = datetime(1970, 1, 1, tzinfo=UTC)
 """The date in the compiled catalogues, which depend on the translations only."""
 
 _SOURCES: Final = {
-    "cli": ("api", "certificate", "cli", "dissectors", "pytest_plugin", "results", "tables"),
+    "cli": (
+        *("api", "certificate", "cli", "dissectors", "pytest_plugin", "results", "tables"),
+        "user_message.py",
+    ),
     "judge": ("judge", "traffic"),
     "peers": ("client", "mutants/*.py", "transports", "virtual_controller"),
     "protocol": ("protocol",),
@@ -80,6 +86,10 @@ _ENGLISH: Final = frozenset(
 """Functions whose strings stay English, or are collected elsewhere."""
 
 _PHRASE: Final = re.compile(r"[a-z]{2}[,;:.)'\"]* [\w{('=-]|\} [a-z]{2}|[A-Za-z]{2} \{|\d [a-z]{3}")
+_QUOTED: Final = re.compile("「.*?」|`.*?`", re.DOTALL)
+_NAMES: Final = re.compile(r"\{[^}]*\}|b?'.*?'")
+_WORDS: Final = re.compile(r"\b[a-z]{2}")
+"""English words outside of the quotations of the document."""
 _NO_PHRASE: Final = re.compile(
     r"^\s*(?:<|bold |Example: |SELECT |CREATE |\x08|# |\\|\")|%[a-z]|\[bold\]"
 )
@@ -92,7 +102,7 @@ def messages() -> dict[str, list[str]]:
         "click": [*_click_words().values()],
         "report": [*ALL_TEXTS],
         "readings": [*_readings()],
-        "requirements": [requirement.sentence for requirement in REQUIREMENTS.values()],
+        "requirements": [*_requirements()],
         "cases": [*_case_titles()],
         "register": [*_register()],
         "cli": [*_help_texts()],
@@ -100,6 +110,7 @@ def messages() -> dict[str, list[str]]:
     for domain, packages in _SOURCES.items():
         for package in packages:
             found.setdefault(domain, []).extend(_in_package(_PACKAGE / package))
+    found["suite"].extend(_criteria())
     seen: set[str] = set()
     result: dict[str, list[str]] = {}
     for domain, texts in found.items():
@@ -141,7 +152,29 @@ def _click_words() -> dict[str, str]:
 def _case_titles() -> Iterator[str]:
     for role in (Role.CONTROLLER, Role.CLIENT):
         for case in collect(Options(), role):
-            yield case.sentence
+            yield from case.paragraphs
+    yield from (each.value for each in Consequence)
+    for decision in decisions():
+        yield from (decision.question, decision.decision)
+
+
+def _requirements() -> Iterator[str]:
+    for requirement in REQUIREMENTS.values():
+        yield requirement.sentence
+    yield from (each.value for each in (*Strength, *Binds))
+
+
+def _criteria() -> Iterator[str]:
+    """Yield what fails the cases, as the test specification has it."""
+    for role in (Role.CONTROLLER, Role.CLIENT):
+        for sheet in case_sheets(role):
+            yield from (text for each in sheet.criteria for text in _criterion(each))
+
+
+def _criterion(criterion: str) -> Iterator[str]:
+    """Yield the parts of a criterion that have English words; those of one in braces are names."""
+    values = criterion.values.values() if isinstance(criterion, UserMessage) else (criterion,)
+    yield from (text for text in values if _WORDS.search(_NAMES.sub("", text)))
 
 
 def _readings() -> Iterator[str]:
@@ -153,6 +186,9 @@ def _readings() -> Iterator[str]:
 def _register() -> Iterator[str]:
     for entry in register().values():
         yield from (entry.title, entry.problem, entry.readings, entry.default, entry.tool_may_say)
+        for text in (entry.verdict, entry.where, entry.says):
+            if _WORDS.search(_QUOTED.sub("", text)):
+                yield text
 
 
 def _in_package(path: Path) -> Iterator[str]:

@@ -5,6 +5,8 @@ by template and values, and `translation` translates them when they are displaye
 sentence is its own template and needs no `UserMessage`.
 """
 
+from collections.abc import Iterable
+from functools import reduce
 from typing import Any, Self
 
 
@@ -57,6 +59,11 @@ class UserMessage(str):
         shown = first_values | suffix.values
         return cls.of(message + suffix, first_template + template, shown)
 
+    @classmethod
+    def listed(cls, words: Iterable[str]) -> str:
+        """Return words as a list with commas; each word stays a message."""
+        return reduce(_listed, words, "")
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the rendered text: a value that became text does not fit ``{value:.1f}``."""
         return self.of, (str(self), self.template, self.values)
@@ -66,6 +73,10 @@ def sentence_of(error: BaseException) -> str:
     """Return the message of an error, with its template if it has one."""
     sentence = error.args[0] if len(error.args) == 1 else None
     return sentence if isinstance(sentence, UserMessage) else f"{error}"
+
+
+def _listed(words: str, word: str) -> str:
+    return UserMessage("{words}, {word}", words=words, word=word) if words else word
 
 
 def _shown(value: object) -> str:

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,13 @@ _NAMES = {name for command in COMMANDS for name in command.name.split("_")} | {
     for field in payload.fields
 }
 """Names of commands and of fields, which are the same in every language."""
+
+
+_STRUCTURES = (
+    *("Char", "counts", "data", "inf", "int", "length", "nan", "operation", "opt", "point"),
+    *("points", "ports", "result", "sizeof"),
+)
+"""Names in the structures of the document, and texts of numbers."""
 
 
 def shown(*arguments: str | Path, stream: str = "stdout") -> str:
@@ -51,3 +59,25 @@ def test_exchanges(fixtures_dir: Path, capture: str, options: tuple[str, ...]) -
     """Events, frames, findings, remarks and heads of columns."""
     text = shown("exchanges", fixtures_dir / f"captures/field/{capture}.pcapng", *options)
     assert english(text) == []
+
+
+def test_requirements() -> None:
+    """The list, requirements and register entries; names of the structures of the document stay."""
+    program = ("scaraspec", "program", "check")
+    assert english(shown("requirements"), *_STRUCTURES, *program) == []
+    for entry in ("4.15/2", "4/16", "A-3-14", "A-4.16-1", "A-5-4", "A-T-1"):
+        text = shown("requirements", "--entry", entry)
+        assert english(text, *_STRUCTURES, "pipelining") == []
+
+
+def test_cases(tmp_path: Path) -> None:
+    """The list, one case with a decision, and the test specification of all cases."""
+    assert english(shown("cases"), *_STRUCTURES) == []
+    assert english(shown("cases", "5.2/7", "--role", "client"), "lacks", "Python") == []
+    page = tmp_path / "specification.html"
+    shown("cases", "--html", page)
+    text = unescape(page.read_text("utf-8").partition("<body>")[2])
+    values = re.compile("<dt>取值</dt>.*|「.*?」|{[^}]*}|<[^>]*>|'.*?'")
+    names = ("scaraspec", "state", "motion", "destructive", "lacks", "Python")
+    expression = ("each", "for", "opcodes", "sorted")  # in one criterion
+    assert english(values.sub("", text), *_STRUCTURES, *names, *expression) == []

@@ -13,15 +13,13 @@ from scaraspec.certificate.decisions import decisions
 from scaraspec.cli.problems import Problem, require_replaceable
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Role
-from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_sheet import CaseSheet, case_sheets
 from scaraspec.suite.engine.collection import collect
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.selection import SelectionError, parse_selection
-from scaraspec.suite.engine.specification import INTRO, MARK, render, rows
+from scaraspec.suite.engine.specification import INTRO, MARK, hazards_of, render, rows
 from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
@@ -121,16 +119,11 @@ def _write(path: Path, sheets: list[CaseSheet]) -> None:
     click.echo(localized("{path}: {count} cases", path=path, count=len(sheets)))
 
 
-def _purpose(case: Case) -> str:
-    """Return the title of a case in the display language, and the rest of its docstring."""
-    return case.purpose.replace(case.sentence, localized(case.sentence), 1)
-
-
 def _show(sheet: CaseSheet, console: Console, *, whole: bool) -> None:
     case = sheet.case
     if whole:
         console.print(f"[bold]{case.id}[/]  {localized(case.role.value)}")
-        console.print(Padding(Text(_purpose(case)), (0, 0, 0, 4)))
+        console.print(Padding(Text("\n\n".join(map(localized, case.paragraphs))), (0, 0, 0, 4)))
         for label, lines in rows(sheet):
             console.print(f"[bold]{localized(label)}[/]")
             for line in lines:
@@ -138,16 +131,16 @@ def _show(sheet: CaseSheet, console: Console, *, whole: bool) -> None:
         for each in decisions():
             if each.role is case.role and case.id in each.cases:
                 text = localized("decision of {date}", date=each.date)
-                console.print(f"[bold]{text}[/]  {each.consequence.value}")
-                console.print(Padding(Text(f"{each.question}\n{each.decision}"), (0, 0, 0, 4)))
+                console.print(f"[bold]{text}[/]  {localized(each.consequence.value)}")
+                texts = "\n".join(map(localized, (each.question, each.decision)))
+                console.print(Padding(Text(texts), (0, 0, 0, 4)))
         return
-    hazards = ", ".join(hazard.value for hazard in Hazard if hazard in case.hazards)
     facts = [
         localized(case.role.value),
-        hazards,
+        localized(hazards_of(case)),
         *(localized("hook {hook}", hook=hook) for hook in case.needs),
         localized(sheet.duration.sentence),
     ]
-    console.print(f"[bold]{case.id}[/]  {'; '.join(facts)}", soft_wrap=True)
+    console.print(f"[bold]{case.id}[/]  {localized('; ').join(facts)}", soft_wrap=True)
     judged = localized("judges {requirements}", requirements=", ".join(case.requirements))
     console.print(Padding(Text(f"{localized(case.sentence)}\n{judged}"), (0, 0, 0, 8)))

@@ -194,10 +194,18 @@ def _requirements(only: str | None) -> frozenset[str] | None:
 
 def _list_line(mutant: "Mutant[Any]") -> str:
     """Return the id, the sentence, the violated requirements and the readings in one line."""
-    violated = ", ".join(mutant.requirements)
-    under = f" under {', '.join(mutant.reading)}" if mutant.reading else ""
-    subtle = "; subtle" if mutant.subtle else ""
-    return f"{mutant.name}: {mutant.sentence} ({violated}{under}{subtle})"
+    facts: str = ", ".join(mutant.requirements)
+    if mutant.reading:
+        readings = ", ".join(mutant.reading)
+        facts = UserMessage("{violated} under {readings}", violated=facts, readings=readings)
+    if mutant.subtle:
+        facts = UserMessage("{facts}; subtle", facts=facts)
+    return localized(
+        "{mutant}: {sentence} ({facts})",
+        mutant=mutant.name,
+        sentence=mutant.sentence,
+        facts=facts,
+    )
 
 
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:

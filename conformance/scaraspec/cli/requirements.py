@@ -59,8 +59,8 @@ class Coverage:
             if method in requirement.testable:
                 tests[role.value] = self._cases.get((role, requirement.id), "no case")
         if Method.STATIC in requirement.testable:
-            tests["file"] = "scaraspec program check"
-        return tests or {"untested": _HARM}
+            tests[UserMessage("file")] = "scaraspec program check"
+        return tests or {UserMessage("untested"): _HARM}
 
     def missing(self, requirement: Requirement) -> bool:
         """Return whether a test method applies, has no test, and no reason is given."""
@@ -122,10 +122,12 @@ def command(clause: str | None, entry: str | None, *, uncovered: bool, as_json: 
         return
     console = Console(highlight=False)
     for r in chosen:
-        facts = (str(r.where), *map(localized, (r.binds.value, r.strength.value, r.hazard.value)))
-        console.print(f"[bold]{r.id}[/]  {', '.join(fact for fact in facts if fact)}")
-        tested = "; ".join(
-            f"{localized(method)}: {_tests_text(tests)}" for method, tests in coverage.of(r).items()
+        words = map(UserMessage, (r.binds.value, r.strength.value, r.hazard.value))
+        facts = UserMessage.listed((*filter(None, r.where.split(", ")), *words))
+        console.print(f"[bold]{r.id}[/]  {localized(facts)}")
+        tested = localized("; ").join(
+            localized("{method}: {tests}", method=UserMessage(method), tests=_tests_text(tests))
+            for method, tests in coverage.of(r).items()
         )
         console.print(Padding(Text(f"{localized(r.sentence)}\n{tested}"), (0, 0, 0, 8)))
     text = "{count} of {total} requirements"
@@ -161,7 +163,7 @@ def _show_entry(name: str, *, as_json: bool) -> None:
 
 def _of_register(entry: Entry) -> dict[str, str | list[str]]:
     fields: dict[str, str | list[str]] = {
-        "id": entry.id,
+        UserMessage("id"): entry.id,
         UserMessage("title"): entry.title,
         UserMessage("verdict"): entry.verdict,
         "lines of the document": entry.where,
@@ -176,7 +178,7 @@ def _of_register(entry: Entry) -> dict[str, str | list[str]]:
 
 def _of_requirement(found: Requirement) -> dict[str, str | list[str]]:
     return {
-        "id": found.id,
+        UserMessage("id"): found.id,
         UserMessage("requirement"): found.sentence,
         "lines of the document": str(found.where),
         "the document says": found.original,

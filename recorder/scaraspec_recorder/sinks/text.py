@@ -314,7 +314,7 @@ def _value_text(parsed: Parsed) -> str:
         case None | b"" if (
             isinstance(payload, OptionalRecord | OptionalName) and not decoded.issues
         ):
-            text = UserMessage("(none)")
+            text = UserMessage("none")
         case _:
             text = _scalar_text(value)
     return text

@@ -59,6 +59,11 @@ class Case:
     parameters: str = ""
 
     @property
+    def paragraphs(self) -> tuple[str, ...]:
+        """The paragraphs of the purpose, each in one line; the first is `sentence`."""
+        return tuple(" ".join(each.split()) for each in self.purpose.split("\n\n"))
+
+    @property
     def turn(self) -> int:
         """The order of execution: cases about connections and frames come last.
 

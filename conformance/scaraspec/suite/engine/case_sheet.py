@@ -26,7 +26,11 @@ RECORDED_RUNS: Final = Path(__file__).with_name("recorded_runs.json")
 _ROOT: Final = Path(__file__).parents[3]
 _CHECK: Final = "expect"
 """The beginning of the names of functions that report a failure."""
-_KINDS: Final = {"examples": "listed", "given": "drawn", "example": "always tried"}
+_KINDS: Final = {
+    "examples": "listed: {values}",
+    "given": "drawn: {values}",
+    "example": "always tried: {values}",
+}
 """Functions that receive the values of a case."""
 _HOUR_S: Final = 3600
 _MAX_EXPRESSION: Final = 200
@@ -148,7 +152,9 @@ def _preconditions(case: Case) -> Iterator[str]:
     elif case.turn:
         yield "it runs after the cases of other clauses, because it may crash the subject"
     if case.attended:
-        replaced = "a driver" if case.role is Role.CLIENT else "a hook, with --attended"
+        replaced = UserMessage("a driver")
+        if case.role is Role.CONTROLLER:
+            replaced = UserMessage("a hook, with --attended")
         yield UserMessage("an operator can take the place of {replaced}", replaced=replaced)
 
 
@@ -225,7 +231,12 @@ def _criteria(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
         if name == "expect_equal" and isinstance(call.args[1], ast.Constant):
             expected = ast.unparse(call.args[1])
         if texts:
-            yield f"{texts[-1]} (expected: {expected})" if expected else texts[-1]
+            yield _with_expected(texts[-1], expected) if expected else texts[-1]
+
+
+def _with_expected(message: str, expected: str) -> UserMessage:
+    word = expected if "{" in expected else UserMessage.of(expected, expected, {})
+    return UserMessage("{message} (expected: {expected})", message=message, expected=word)
 
 
 def _skips(functions: Iterable[ast.FunctionDef]) -> Iterator[str]:
@@ -244,7 +255,7 @@ def _values(
         for name, call in _calls([function]):
             if kind := _KINDS.get(name):
                 given = [*call.args, *(keyword.value for keyword in call.keywords)]
-                yield f"{kind}: {', '.join(_expression(each, known) for each in given)}"
+                yield UserMessage(kind, values=", ".join(_expression(e, known) for e in given))
 
 
 def _text(node: ast.expr) -> str:
