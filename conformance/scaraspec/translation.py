@@ -76,6 +76,11 @@ def localized(template: str, /, **values: Any) -> str:
     return translate(message, display_language())
 
 
+def localized_value(value: str) -> str:
+    """Return a value in the display language: a message or a phrase, but not a name."""
+    return _translated_value(value, display_language())
+
+
 def translate(message: str, language: Language) -> str:
     """Return a message in a language; in English if it has no translation.
 

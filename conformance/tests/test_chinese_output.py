@@ -81,3 +81,33 @@ def test_cases(tmp_path: Path) -> None:
     names = ("scaraspec", "state", "motion", "destructive", "lacks", "Python")
     expression = ("each", "for", "opcodes", "sorted")  # in one criterion
     assert english(values.sub("", text), *_STRUCTURES, *names, *expression) == []
+
+
+def test_audit(fixtures_dir: Path) -> None:
+    """The summary of one capture, and of several."""
+    field = fixtures_dir / "captures/field"
+    for name in ("complaint-1", "complaint-2", "plant-a-torn"):
+        text = shown("audit", field / f"{name}.pcapng")
+        assert english(text, "scaraspec", "view", "ip", "mask", "gateway") == []
+    files = (field / f"complaint-{number}.pcapng" for number in (1, 2, 4))
+    assert english(shown("audit", *files), *_STRUCTURES, "position") == []
+
+
+def test_summaries_in_markdown(fixtures_dir: Path, tmp_path: Path) -> None:
+    """The summaries of `gate` and `compare`, and what these commands print."""
+    results, markdown = tmp_path / "results.json", tmp_path / "summary.md"
+    before, after = (
+        fixtures_dir / f"captures/field/{name}.pcapng"
+        for name in ("complaint-1", "plant-a-morning-shift")
+    )
+    shown("audit", before, "--json", results)
+    text = shown("gate", results, "--summary", markdown)
+    text += shown("compare", before, after, "--summary", markdown)
+    text += shown("compare", results, results, "--summary", markdown)
+    text += markdown.read_text("utf-8").replace("\\", "")
+    assert english(text, "scaraspec", "audit", *_OPTIONS) == []
+    assert "没有差别。" in text
+
+
+_OPTIONS = ("ascii", "code", "first", "full", "little", "packed")
+"""Options of readings."""

@@ -97,7 +97,7 @@ def command(  # noqa: PLR0913 - one for each option
             rows.outputs.append(lambda row: click.echo(json_line(row)))
         with (
             table_folders(folders, names) as tables,
-            shown_share(localized("reading"), hidden=hidden) as progress,
+            shown_share(localized("reading the file"), hidden=hidden) as progress,
         ):
             rows.outputs += [each.add for each in tables]
             reading = _read(capture, selected, takers, progress)

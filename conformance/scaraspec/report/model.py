@@ -381,14 +381,19 @@ class Session:
     def missing(self) -> str:
         """What is missing in the recording: ``3 losses, 1,482 bytes``; empty if nothing is."""
         losses = len(self.losses) + self.unlisted.get("losses", 0)
-        parts = [f"{losses:,} loss{'es' if losses != 1 else ''}"] if losses else []
+        parts: list[str] = []
+        if losses:
+            text = "1 loss" if losses == 1 else "{count} losses"
+            parts.append(UserMessage(text, count=f"{losses:,}"))
         if self.lost_bytes:
-            parts.append(f"{self.lost_bytes:,} byte{'s' if self.lost_bytes != 1 else ''}")
+            text = "{count} byte" if self.lost_bytes == 1 else "{count} bytes"
+            parts.append(UserMessage(text, count=f"{self.lost_bytes:,}"))
         if any(loss.length_bytes < 0 for loss in self.losses):
-            parts.append("and more of unknown length" if self.lost_bytes else "of unknown length")
+            text = "and more of unknown length" if self.lost_bytes else "of unknown length"
+            parts.append(UserMessage(text))
         if self.incomplete:
-            parts.append("the file is not whole")
-        return ", ".join(parts)
+            parts.append(UserMessage("the file is not whole"))
+        return UserMessage.listed(parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,6 +21,7 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.report.failed_step import RootCause, Stage, topic
 from scaraspec.report.model import SEEN, Case, Results, Role
 from scaraspec.report.ordering import group_equal_cases, most_important_first
+from scaraspec.user_message import UserMessage
 
 _CONNECTION: Final = "connection"
 _TOPICS: Final = frozenset({_CONNECTION, *(topic(command.clause) for command in COMMANDS)})
@@ -102,7 +103,9 @@ def summary(results: Results) -> list[SummaryLine]:
 def _name(cause: RootCause) -> str:
     violated = ", ".join(cause.requirements)
     named = not violated or f"{cause.case}.".startswith(f"{violated}.")
-    return cause.case if named else f"{violated} in {cause.case}"
+    if named:
+        return cause.case
+    return UserMessage("{violated} in {case}", violated=violated, case=cause.case)
 
 
 def _order(case: Case) -> tuple[bool, int]:

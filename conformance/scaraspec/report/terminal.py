@@ -113,7 +113,7 @@ def show_captures(captures: Iterable[tuple[str, Results | None, str]], console: 
     if console.is_terminal:
         console.print(table)
     counts = Counter(row.verdict for row in rows)
-    total = ", ".join(f"{count} {localized(verdict)}" for verdict, count in counts.items())
+    total = _list(f"{count} {localized(verdict)}" for verdict, count in counts.items())
     line = localized("{count} captures: {total}", count=len(rows), total=total)
     console.print(_text(line), soft_wrap=True)
 
@@ -133,10 +133,18 @@ def _capture_row(name: str, results: Results | None, error: str) -> _CaptureRow:
         rank = _RANKS[Conclusion.INCONCLUSIVE]
         return _CaptureRow(rank, "not judged", name, "", localized(error))
     lines = summary(results)
-    first = f"{_which(lines[0])}: {_what(lines[0].case)}" if lines else ""
+    first = ""
+    if lines:
+        violated, message = _which(lines[0]), _what(lines[0].case)
+        first = localized("{violated}: {message}", violated=violated, message=message)
     verdict = results.verdict
     shown = verdict.value.replace("-", " ")
     return _CaptureRow(_RANKS[verdict], shown, name, _counts(results), first)
+
+
+def _list(texts: Iterable[str]) -> str:
+    """Return texts of the display language as a list, without empty ones."""
+    return localized(UserMessage.listed(filter(None, texts)))
 
 
 def _text(text: str, style: str = "") -> Text:
@@ -205,7 +213,7 @@ def _counts(results: Results) -> str:
         if results.counts.get(v)
     ]
     tried = localized("; {count} examples", count=results.examples) if results.examples else ""
-    return (", ".join(counted) or localized("no cases")) + tried
+    return (_list(counted) or localized("no cases")) + tried
 
 
 def _coverage(results: Results) -> str:
@@ -248,7 +256,7 @@ def _dialects(results: Results) -> Iterator[tuple[str, str]]:
 
 def _which(line: SummaryLine) -> str:
     if not line.others:
-        return line.name
+        return localized(line.name)
     return localized("{name} and {count} more", name=line.name, count=line.others)
 
 
@@ -295,9 +303,7 @@ def _where(case: Case, results: Results) -> str:
         return localized(case.wire[0].place) if case.wire else ""
     packet = localized("packet {number}", number=at.packet) if at.packet else ""
     addresses = _addresses(results).get(at.connection, "")
-    return ", ".join(
-        filter(None, (localized(at.place), addresses, packet, formatting.instant(at.time_ns)))
-    )
+    return _list((localized(at.place), addresses, packet, formatting.instant(at.time_ns)))
 
 
 def _addresses(results: Results) -> dict[str, str]:
@@ -335,7 +341,7 @@ def _loss(loss: Loss, addresses: str) -> str:
         (
             localized("loss"),
             size,
-            ", ".join(filter(None, (at, addresses, formatting.instant(loss.time_ns)))),
+            _list((at, addresses, formatting.instant(loss.time_ns))),
             localized(loss.note),
         )
     )

@@ -7,7 +7,8 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Case, Timing
 from scaraspec.results.comparison import Change, Comparison
 from scaraspec.results.dialogue_comparison import CaptureComparison
-from scaraspec.results.markdown import escaped, table
+from scaraspec.results.markdown import bullets, table
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 _CONCLUSIONS: Final = {
@@ -28,20 +29,20 @@ def lines(comparison: Comparison) -> Iterator[str]:
 
 
 def markdown(comparison: Comparison) -> str:
-    """Return the comparison as Markdown."""
+    """Return the comparison as Markdown in the display language."""
     return _page(comparison, _differences(comparison), "no difference")
 
 
 def _page(comparison: Comparison, differing: Iterable[str], conclusion: str) -> str:
     """Return a page with the differences, or without one with the conclusion."""
-    differences = [f"- {escaped(line)}" for line in differing]
     parts = [
-        "### scaraspec: comparison",
-        "\n".join(f"- {escaped(title)}" for title in _titles(comparison)),
-        "\n".join(differences) or f"{conclusion.capitalize()}.",
+        f"### {localized('scaraspec: comparison')}",
+        bullets(_titles(comparison)),
+        bullets(differing) or localized("{text}.", text=localized(conclusion).capitalize()),
     ]
     if rows := list(_latencies(comparison)):
-        parts.append(table(("command", "latency before", "latency after"), rows))
+        headings = ("latency before", "latency after")
+        parts.append(table((UserMessage("command"), *headings), rows))
     return "\n\n".join(parts) + "\n"
 
 
@@ -55,7 +56,7 @@ def capture_lines(comparison: CaptureComparison) -> Iterator[str]:
 
 
 def capture_markdown(comparison: CaptureComparison) -> str:
-    """Return the comparison of two captures as Markdown."""
+    """Return the comparison of two captures as Markdown in the display language."""
     conclusion = _CONCLUSIONS[comparison.exit_status]
     return _page(comparison.judged, _capture_differences(comparison), conclusion)
 

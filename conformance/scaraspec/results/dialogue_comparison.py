@@ -8,6 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
+from functools import reduce
 from typing import Any, Final, NamedTuple
 
 from scaraspec.judge.tolerances import same_meaning
@@ -20,7 +21,7 @@ from scaraspec_recorder.sinks import text as event_text
 
 _POSES: Final = frozenset({"get_tool_coordinates", "get_joint_angles"})
 _TRANSFERS: Final = frozenset({"upload_chunk", "download_chunk"})
-_UNKNOWN: Final = "unknown because of a loss"
+_UNKNOWN: Final = UserMessage("unknown because of a loss")
 _MAX_VALUES: Final = 1000
 """Kept different replies to a query."""
 
@@ -62,7 +63,9 @@ class Dialogue:
         return dialogue
 
     def _add(self, exchange: Exchange) -> None:
-        request = f"{exchange.name} {event_text.frame_text(exchange.request)}".rstrip()
+        request: str = exchange.name
+        if data := event_text.frame_text(exchange.request):
+            request = UserMessage("{name} {data}", name=request, data=data)
         outcome = _outcome(exchange) if exchange.certain else ""
         if exchange.command is None or exchange.command.hazard is not Hazard.READ_ONLY:
             self.actions.append(_Action(exchange.time_ns, request, outcome))
@@ -171,9 +174,13 @@ def _compare_actions(
 def _counted(changes: Counter[Change]) -> list[Change]:
     """Return each change once, with its number in the name."""
     return [
-        change if count == 1 else replace(change, name=f"{change.name} ({count} times)")
+        change if count == 1 else replace(change, name=_times(change.name, count))
         for change, count in changes.items()
     ]
+
+
+def _times(name: str, count: int) -> str:
+    return UserMessage("{request} ({count} times)", request=name, count=count)
 
 
 def _compare_replies(before: Dialogue, after: Dialogue) -> Iterator[Change]:
@@ -191,15 +198,25 @@ def _occurs(command: str, value: Any, others: dict[Any, str]) -> bool:
 
 
 def _some(texts: list[str], limit: int = 3) -> str:
-    more = UserMessage(" and {count} more", count=len(texts) - limit) if len(texts) > limit else ""
-    return f"{'; '.join(texts[:limit])}{more}"
+    shown: str = reduce(_listed, texts[:limit], "")
+    if len(texts) > limit:
+        shown = UserMessage("{texts} and {count} more", texts=shown, count=len(texts) - limit)
+    return shown
+
+
+def _listed(texts: str, text: str) -> str:
+    return UserMessage("{texts}; {text}", texts=texts, text=text) if texts else text
 
 
 def _outcome(exchange: Exchange) -> str:
     replies = [event_text.frame_text(each) for each in (exchange.reply, exchange.result) if each]
-    if exchange.ending is not Ending.ANSWERED:
-        replies.append(exchange.ending.value)
-    return " → ".join(replies) or "an empty reply"
+    if ending := event_text.ending_text(exchange):
+        replies.append(ending)
+    return reduce(_followed, replies) if any(replies) else UserMessage("an empty reply")
+
+
+def _followed(first: str, second: str) -> str:
+    return UserMessage("{first} → {second}", first=first, second=second)
 
 
 def _value(exchange: Exchange) -> Any:

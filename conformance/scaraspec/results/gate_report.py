@@ -12,7 +12,8 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.model import Case
 from scaraspec.report.sanitizing import visible
 from scaraspec.results.gate import GateProblem, GateResult
-from scaraspec.results.markdown import escaped, table
+from scaraspec.results.markdown import bullets, escaped, table
+from scaraspec.translation import localized
 from scaraspec.user_message import UserMessage
 
 CODE_QUALITY_MARK: Final = '"path": "scaraspec'
@@ -67,20 +68,22 @@ def _line(what: str, name: str, message: str) -> str:
 
 
 def markdown(result: GateResult) -> str:
-    """Return the result as Markdown, for the summary page of a CI job."""
-    rows = [(p.kind.title, p.id, p.message) for p in result.problems]
-    rows += [(case.verdict.value, case.id, case.message) for case in result.undecided]
-    parts = [f"### scaraspec: {escaped(title_of(result))}", escaped(result.results.subject.title)]
+    """Return the result as Markdown in the display language, for the summary of a CI job."""
+    rows = [(UserMessage(p.kind.title), p.id, p.message) for p in result.problems]
+    rows += [(UserMessage(case.verdict.value), case.id, case.message) for case in result.undecided]
+    title = localized(title_of(result))
+    parts = [f"### scaraspec: {escaped(title)}", escaped(result.results.subject.title)]
     if rows:
-        parts.append(table(("problem", "where", "message"), rows[:_SHOWN_PROBLEMS]))
+        headings = (UserMessage("problem"), UserMessage("where"), UserMessage("message"))
+        parts.append(table(headings, rows[:_SHOWN_PROBLEMS]))
     if len(rows) > _SHOWN_PROBLEMS:
-        parts.append(f"and {len(rows) - _SHOWN_PROBLEMS} more")
-    if result.accepted:
-        parts.append(
-            "\n".join(f"- accepted: {escaped(i)}: {escaped(w)}" for i, w in result.accepted.items())
-        )
-    if result.fixed:
-        parts.append("\n".join(f"- fixed: {escaped(f.case)}" for f in result.fixed))
+        parts.append(localized("and {count} more", count=len(rows) - _SHOWN_PROBLEMS))
+    accepted = (
+        UserMessage("accepted: {case}: {why}", case=case_id, why=why)
+        for case_id, why in result.accepted.items()
+    )
+    fixed = (UserMessage("fixed: {case}", case=failure.case) for failure in result.fixed)
+    parts += [items for items in (bullets(accepted), bullets(fixed)) if items]
     return "\n\n".join(parts) + "\n"
 
 

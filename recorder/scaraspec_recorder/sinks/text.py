@@ -128,7 +128,7 @@ def exchange_text(exchange: Exchange) -> str:
         "request": frame_text(exchange.request),
         "reply": reply,
         "result": frame_text(exchange.result) if exchange.result else "",
-        "ending": _ENDINGS.get(exchange.ending, ""),
+        "ending": ending_text(exchange),
         "took": "" if took_ns is None else _duration_text(took_ns),
     }
     text = template = ""
@@ -137,6 +137,11 @@ def exchange_text(exchange: Exchange) -> str:
             text += before + value + after
             template += before + field + after
     return UserMessage.of(text, template, values)
+
+
+def ending_text(exchange: Exchange) -> str:
+    """Return how an exchange ended; empty if it was answered."""
+    return _ENDINGS.get(exchange.ending, "")
 
 
 def transfer_text(transfer: Transfer) -> str:
