@@ -23,6 +23,8 @@ from scaraspec.certificate.decisions import Consequence, decisions
 from scaraspec.cli.help import texts_of
 from scaraspec.cli.main import COMMANDS, group
 from scaraspec.judge.requirements import REQUIREMENTS, Binds, Strength
+from scaraspec.protocol.frames import SkipReason
+from scaraspec.protocol.program_files import Severity
 from scaraspec.protocol.readings import READINGS
 from scaraspec.register import register
 from scaraspec.report.model import Role
@@ -106,6 +108,7 @@ def messages() -> dict[str, list[str]]:
         "cases": [*_case_titles()],
         "register": [*_register()],
         "cli": [*_help_texts()],
+        "protocol": [each.value for each in (*SkipReason, *Severity)],
     }
     for domain, packages in _SOURCES.items():
         for package in packages:

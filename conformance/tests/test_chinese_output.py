@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from html import unescape
 from pathlib import Path
 
@@ -111,3 +112,44 @@ def test_summaries_in_markdown(fixtures_dir: Path, tmp_path: Path) -> None:
 
 _OPTIONS = ("ascii", "code", "first", "full", "little", "packed")
 """Options of readings."""
+
+
+def test_frame() -> None:
+    """Each kind of frame, and bytes that are no frame."""
+    frames = ("AA0900CC", "CC09023030AA", "CC90300231CC", "AA1300CC", "CC0B0130AA", "00")
+    text = shown("frame", *frames)
+    assert english(text) == []
+
+
+def test_program_check(fixtures_dir: Path) -> None:
+    """Findings with their positions; names of fields stay."""
+    folder = fixtures_dir / "programs/damaged"
+    text = "".join(shown("program", "check", file) for file in sorted(folder.glob("*.rob")))
+    assert english(text, *_STRUCTURES, "records") == []
+
+
+def test_call() -> None:
+    """Results with words."""
+    with running_controller() as url:
+        text = "".join(shown("call", url, *command.split()) for command in _CALLS)
+        text += shown("call", url, "get_status", "1", stream="stderr")
+    assert english(text, "scaraspec") == []
+
+
+_CALLS = (
+    *("get_status", "get_running_program", "get_default_program", "list_programs"),
+    *("get_digital_inputs", "set_time 20260101000000"),
+)
+
+
+@contextmanager
+def running_controller() -> Iterator[str]:
+    """Run a virtual controller on a free port; its URL."""
+    command = [sys.executable, "-m", "scaraspec", "controller", "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        url = process.stdout.readline().split()[-1]
+        try:
+            yield url
+        finally:
+            process.terminate()

@@ -116,7 +116,8 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         answer = {"ok": True, "command": name, "result": to_json(result, name_text)}
         click.echo(json.dumps(answer, ensure_ascii=False))
     else:
-        click.echo("\n".join(format_result(name, result)))
+        for line in format_result(name, result):
+            click.echo(localized(line) if isinstance(line, UserMessage) else line)
 
 
 def _carry_out(  # noqa: PLR0913, PLR0917 - the options of the command line

@@ -1,5 +1,7 @@
 """`scaraspec frame`: explain frames given as hexadecimal digits."""
 
+from typing import Final
+
 import click
 
 from scaraspec.cli.problems import Problem
@@ -14,6 +16,13 @@ from scaraspec.user_message import UserMessage
 EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
 
 
+_PARTS: Final = {
+    "request": UserMessage("request"),
+    "reply": UserMessage("reply"),
+    "result": UserMessage("result"),
+}
+
+
 def _explain(frame: Frame) -> list[str]:
     """Return lines about a frame: sender, command, data and defects."""
     sender = localized("client" if frame.direction is Direction.A2C else "controller")
@@ -21,7 +30,15 @@ def _explain(frame: Frame) -> list[str]:
     if parsed is None:
         text = "{frame}  {sender}: opcode {opcode:02X} is not defined"
         return [localized(text, frame=frame, sender=sender, opcode=frame.opcode)]
-    lines = [f"{frame}  {sender}: {parsed.command.name} {parsed.part} {show(frame.data)}".rstrip()]
+    line = localized(
+        "{frame}  {sender}: {command} {part} {data}",
+        frame=frame,
+        sender=sender,
+        command=parsed.command.name,
+        part=_PARTS[parsed.part],
+        data=show(frame.data),
+    )
+    lines = [line.rstrip()]
     lines += [localized("  wrong: {issue}", issue=each.text) for each in parsed.decoded.issues]
     lines += [
         localized("  reading: {reading}", reading=f"{k}={v}") for k, v in parsed.decoded.readings

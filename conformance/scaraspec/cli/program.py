@@ -9,6 +9,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.program_files import (
     LAYOUTS,
     MAX_FILE_BYTES,
+    LintFinding,
     PointMeaning,
     Program,
     ProgramError,
@@ -48,6 +49,30 @@ def _parse(file: Path) -> tuple[bytes, Program]:
         ) from None
 
 
+def _finding(finding: LintFinding) -> UserMessage:
+    """Return severity, code, requirement, position and message of a finding."""
+    places = (
+        ("node {number}", finding.node),
+        ("variable {number}", finding.variable),
+        ("byte {number}", finding.offset_bytes),
+    )
+    known = [UserMessage(text, number=number) for text, number in places if number is not None]
+    heading = UserMessage(
+        "{severity} {code}", severity=UserMessage(finding.severity.value), code=finding.code
+    )
+    if finding.requirements:
+        first = finding.requirements[0]
+        heading = UserMessage("{heading} ({requirement})", heading=heading, requirement=first)
+    if not known:
+        return UserMessage("{heading} {message}", heading=heading, message=finding.message)
+    return UserMessage(
+        "{heading} {place}: {message}",
+        heading=heading,
+        place=UserMessage.listed(known),
+        message=finding.message,
+    )
+
+
 @click.group(epilog=EXAMPLE)
 def command() -> None:
     """List, check or convert user program files."""
@@ -75,7 +100,7 @@ def check(file: Path) -> None:
     data = _read(file)
     findings = lint(data)
     for finding in findings:
-        click.echo(f"{file}: {finding.heading} {localized(finding.message)}")
+        click.echo(localized("{file}: {finding}", file=file, finding=_finding(finding)))
     layouts = detect(data)
     if layouts:
         click.echo(localized("{file}: layout {layout}", file=file, layout=layouts[0].name))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from scaraspec.client.errors import Failed, Refused
 from scaraspec.client.operations import parse_direction
-from scaraspec.client.results import Status
+from scaraspec.client.results import State, Status
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, Command
 from scaraspec.protocol.fields import (
     Bits,
@@ -63,7 +63,7 @@ def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
             UserMessage(
                 "{command} takes {parameters}: {given_count} given",
                 command=name,
-                parameters=" ".join(names).upper() or "no arguments",
+                parameters=" ".join(names).upper() or UserMessage("no arguments"),
                 given_count=len(texts),
             )
         )
@@ -134,16 +134,29 @@ def _other_encoding(name: str) -> str:
     return ""
 
 
+_STATES: Final = {
+    State.IDLE: UserMessage("idle"),
+    State.RUNNING: UserMessage("running"),
+    State.ERROR: UserMessage("error"),
+}
+
+
 def format_result(name: str, result: Any) -> list[str]:
-    """Format a result as lines for the user, with units."""
+    """Format a result as lines for the user, with units. Lines with words are messages."""
     fields = {} if name in TRANSFERS else {f.name: f for f in BY_NAME[name].reply.fields}
     match result:
         case None:
-            texts = {"get_running_program": "no program runs", "get_default_program": "none"}
-            return [texts.get(name, "done")]
+            texts = {
+                "get_running_program": UserMessage("no program runs"),
+                "get_default_program": UserMessage("none"),
+            }
+            return [texts.get(name, UserMessage("done"))]
         case Status():
-            meaning = "" if result.meaning == result.state.value else f", {result.meaning}"
-            return [f"{result.state.value} ({result.code}{meaning})"]
+            code: str = result.code
+            if result.meaning != result.state.value:
+                meaning = UserMessage.of(result.meaning, result.meaning, {})
+                code = UserMessage("{code}, {meaning}", code=code, meaning=meaning)
+            return [UserMessage("{state} ({code})", state=_STATES[result.state], code=code)]
         case tuple() if hasattr(result, "_asdict"):
             width = max(map(len, fields))
             return [
@@ -151,9 +164,9 @@ def format_result(name: str, result: Any) -> list[str]:
                 for key, value in result._asdict().items()
             ]
         case tuple():
-            return [_plain(item) for item in result] or ["no programs"]
+            return [_plain(item) for item in result] or [UserMessage("no programs")]
         case str() if isinstance(fields.get("bits"), Bits):
-            return [f"{result}  (ports {len(result)} to 1)"]
+            return [UserMessage("{bits}  (ports {count} to 1)", bits=result, count=len(result))]
     return [_plain(result)]
 
 
