@@ -20,6 +20,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible_line
 from scaraspec.tables.archive.errors import ArchiveError
 from scaraspec.translation import localized
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec archive build captures --to archive"
 
@@ -76,16 +77,26 @@ def build(  # noqa: PLR0913 - one for each option
                     click.echo(visible_line(f"{each.url}: {localized(each.reason)}"), err=True)
     if left := due - verdicts.total():
         verdicts["interrupted"] = left
-    counts = [f"{count} {localized(verdict)}" for verdict, count in sorted(verdicts.items())]
+    counts = [
+        UserMessage("{count} {verdict}", count=count, verdict=_message(verdict))
+        for verdict, count in sorted(verdicts.items())
+    ]
     click.echo(
         localized(
             "1 capture: {counts}" if work.total == 1 else "{total} captures: {counts}",
             total=work.total,
-            counts=", ".join([localized("{count} unchanged", count=work.unchanged), *counts]),
+            counts=UserMessage.listed(
+                [UserMessage("{count} unchanged", count=work.unchanged), *counts]
+            ),
         )
     )
     if verdicts[UNREADABLE] or verdicts["not stored"] or left:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
+
+
+def _message(verdict: str) -> UserMessage:
+    """Return the name of a verdict, as results.json has it, as a message."""
+    return UserMessage.of(verdict, verdict.replace("-", " "), {})
 
 
 @command.command()

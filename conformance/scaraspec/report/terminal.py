@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scaraspec.judge.verdicts import Conclusion
+from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.operating_system import join_command
 from scaraspec.report import formatting
 from scaraspec.report.model import Case, Loss, Results, Role
@@ -54,6 +54,8 @@ _ABBREVIATIONS: Final = UserMessage(
     "C2A: from the controller (control layer) to the client"
 )
 _MAX_REASONS: Final = 8
+_NOT_JUDGED: Final = UserMessage.of(Verdict.NONE.value, "not judged", {})
+"""The verdict none, which another language has no short word for."""
 _SEVERAL_FILES: Final = " … "
 """Between the first and the last file in the title of a recording in parts."""
 
@@ -142,6 +144,11 @@ def _capture_row(name: str, results: Results | None, error: str) -> _CaptureRow:
     return _CaptureRow(_RANKS[verdict], shown, name, _counts(results), first)
 
 
+def verdict_name(verdict: Verdict) -> str:
+    """Return a verdict in the display language."""
+    return localized(_NOT_JUDGED if verdict is Verdict.NONE else verdict.value)
+
+
 def _list(texts: Iterable[str]) -> str:
     """Return texts of the display language as a list, without empty ones."""
     return localized(UserMessage.listed(filter(None, texts)))
@@ -163,7 +170,7 @@ def _lines(results: Results, shown: Sequence[SummaryLine]) -> Iterator[str]:
         case = line.case
         where = _where(case, results)
         parts = (
-            localized(case.verdict.value),
+            verdict_name(case.verdict),
             _which(line),
             _what(case),
             _side(case),
@@ -201,14 +208,14 @@ def _draw(results: Results, shown: Sequence[SummaryLine], console: Console) -> N
         case, verdict = each.case, each.case.verdict.value
         what = "\n".join((" · ".join(filter(None, (_what(case), _side(case)))), *_remarks(each)))
         texts = map(_text, (_which(each), what, _where(case, results)))
-        table.add_row(_text(localized(verdict), _STYLES[verdict]), *texts)
+        table.add_row(_text(verdict_name(case.verdict), _STYLES[verdict]), *texts)
     console.print()
     console.print(table)
 
 
 def _counts(results: Results) -> str:
     counted = [
-        f"{results.counts[v]} {localized(v.value)}"
+        f"{results.counts[v]} {verdict_name(v)}"
         for v in VERDICTS_BY_IMPORTANCE
         if results.counts.get(v)
     ]

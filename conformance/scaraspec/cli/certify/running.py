@@ -24,6 +24,7 @@ from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.sanitizing import visible, visible_line
+from scaraspec.report.terminal import verdict_name
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_sheet import operator_requests
 from scaraspec.suite.engine.ics import Ics
@@ -214,8 +215,12 @@ class Display:
             shown = outcome.message != self._dependency_message and not failed_start
             self._dependency_message = outcome.message
         if self._ticks or shown:
-            verdict, message = localized(outcome.verdict.value), localized(outcome.message)
-            text = f"{verdict} {outcome.case.id}: {message}"
+            text = localized(
+                "{verdict} {requirement}: {message}",
+                verdict=verdict_name(outcome.verdict),
+                requirement=outcome.case.id,
+                message=outcome.message,
+            )
             self._console.print(Text(visible_line(text)), soft_wrap=True)
         if not (self._ticks or self._console.is_terminal):
             self._print_time_left()
