@@ -248,6 +248,6 @@ class _Progress:
         self._number += 1
         self.bar.count_one(proof.fault)
         if not self._console.is_terminal:
-            by = ", ".join(proof.killers) or localized("nothing")
-            text = localized("{mutant}: killed by {cases}", mutant=proof.fault, cases=by)
+            text = "{mutant}: killed by {cases}" if proof.killers else "{mutant}: not killed"
+            text = localized(text, mutant=proof.fault, cases=", ".join(proof.killers))
             click.echo(f"{self._number}/{self._count} {text}")

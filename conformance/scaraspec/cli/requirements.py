@@ -157,7 +157,7 @@ def _show_entry(name: str, *, as_json: bool) -> None:
     for label, value in fields.items():
         lines = value if isinstance(value, list) else [value]
         console.print(f"[bold]{localized(label)}[/]")
-        for line in lines or [localized("nothing")]:
+        for line in lines or [localized("none")]:
             console.print(Padding(Text(localized(line)), (0, 0, 0, 4)))
 
 
