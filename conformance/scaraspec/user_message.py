@@ -60,6 +60,11 @@ class UserMessage(str):
         return cls.of(message + suffix, first_template + template, shown)
 
     @classmethod
+    def word(cls, value: str) -> Self:
+        """Return a value such as ``nothing-tested`` as a message; its words are the template."""
+        return cls.of(value, value.replace("-", " "), {})
+
+    @classmethod
     def listed(cls, words: Iterable[str]) -> str:
         """Return words as a list with commas; each word stays a message."""
         return reduce(_listed, words, "")

@@ -42,7 +42,7 @@ class Calibration:
         """Why the tester is not fit for a certification; empty if it is."""
         if self.reference is not Conclusion.CONFORMANT:
             text = "the reference implementation is {verdict}, not conformant"
-            return UserMessage(text, verdict=self.reference.value)
+            return UserMessage(text, verdict=UserMessage.word(self.reference.value))
         if survivors := [mutant for mutant, killers in self.mutants.items() if not killers]:
             return UserMessage("no case kills {mutants}", mutants=", ".join(survivors))
         return ""

@@ -483,7 +483,7 @@ def _conclusion(results: Results) -> Check:
         return Check(_CONCLUSION, note=results.label)
     failed = [case.id for case in results.cases if case.verdict is Verdict.FAIL]
     problem: str = UserMessage(
-        "the {role} is {label}", role=results.role.value, label=results.label
+        "the {role} is {label}", role=UserMessage(results.role.value), label=results.label
     )
     if failed:
         problem = UserMessage.joined(problem, ": {cases}", cases=", ".join(failed))

@@ -66,7 +66,7 @@ def version_problems(
             id=mandatory.id,
             tool=results.tool.name,
             version=results.tool.version,
-            role=results.role.value,
+            role=UserMessage(results.role.value),
         )
 
 
@@ -190,8 +190,8 @@ def verdict_problems(results: Results, mandatory: MandatoryList) -> Iterator[str
     if results.verdict is not concluded:
         yield UserMessage(
             "the verdict is {verdict}, but the cases are {right}",
-            verdict=results.verdict.value,
-            right=concluded.value,
+            verdict=UserMessage.word(results.verdict.value),
+            right=UserMessage.word(concluded.value),
         )
 
 
@@ -206,8 +206,8 @@ def _requirement_problems(results: Results) -> Iterator[str]:
             yield UserMessage(
                 "requirement {id} is {verdict}, but its cases are {right}",
                 id=each.id,
-                verdict=each.verdict.value,
-                right=right.value,
+                verdict=UserMessage(each.verdict.value),
+                right=UserMessage(right.value),
             )
         if {*each.cases} != {case.id for case in cases}:
             yield UserMessage("requirement {id} names other cases", id=each.id)

@@ -78,7 +78,7 @@ def build(  # noqa: PLR0913 - one for each option
     if left := due - verdicts.total():
         verdicts["interrupted"] = left
     counts = [
-        UserMessage("{count} {verdict}", count=count, verdict=_message(verdict))
+        UserMessage("{count} {verdict}", count=count, verdict=UserMessage.word(verdict))
         for verdict, count in sorted(verdicts.items())
     ]
     click.echo(
@@ -92,11 +92,6 @@ def build(  # noqa: PLR0913 - one for each option
     )
     if verdicts[UNREADABLE] or verdicts["not stored"] or left:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
-
-
-def _message(verdict: str) -> UserMessage:
-    """Return the name of a verdict, as results.json has it, as a message."""
-    return UserMessage.of(verdict, verdict.replace("-", " "), {})
 
 
 @command.command()

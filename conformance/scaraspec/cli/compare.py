@@ -45,9 +45,9 @@ def command(before_path: Path, after_path: Path, port: int | None, *, summary: P
                     "{before} is about a {first} and {after} about a {second}: compare results of "
                     "the same role",
                     before=before_path,
-                    first=before.role.value,
+                    first=UserMessage(before.role.value),
                     after=after_path,
-                    second=after.role.value,
+                    second=UserMessage(after.role.value),
                 )
             )
         comparison = compare(before, after)

@@ -65,7 +65,8 @@ def cases_for_machines(results: Results) -> list[Case]:
     if results.verdict.good or any(c.verdict in UNSETTLED for c in cases):
         return cases
     message: str = UserMessage(
-        "the run is {verdict}, although no case shows a reason", verdict=results.verdict.value
+        "the run is {verdict}, although no case shows a reason",
+        verdict=UserMessage.word(results.verdict.value),
     )
     if results.verdict is Conclusion.NOTHING_TESTED:
         message = "nothing was tested: no requirement could be judged"

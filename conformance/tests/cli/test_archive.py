@@ -184,7 +184,7 @@ def test_the_report(built: tuple[Path, Path, Result], tmp_path: Path) -> None:
     assert run("report", store, "--out", page, "--since", "2026-11-20").exit_code == 0
     text = page.read_text("utf-8")
     assert "New kinds of findings since 2026-11-20" in text
-    assert "2026-11-20 以来的新发现" in text
+    assert "2026-11-20 以来新出现的判定种类" in text
     assert f"scaraspec view {captures}/line-2/complaint-2.pcapng --at 2026-11-20T22:58:58" in text
     assert "corrupt.pcap is not a capture" in text
     assert "://" not in text

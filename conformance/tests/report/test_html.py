@@ -141,7 +141,7 @@ def test_the_verdict(page: Page) -> None:
         "3 of 7 requirements in scope were judged. The cases tried 12 values. 1 ✕ fail"
     )
     assert visible_text(verdict, "zh").startswith(
-        "不符合 Cell 7 控制器 至少有一项协议文档的要求被违反。"
+        "不符合 Cell 7 控制器 至少有一项协议文档的要求项被违反。"
     )
 
 

@@ -280,7 +280,7 @@ class _Disconnect(Trigger):
             return UserMessage(
                 "connection {connection} {event}",
                 connection=event.connection,
-                event=event.kind.value,
+                event=UserMessage(event.kind.value),
             )
         return ""
 

@@ -53,9 +53,8 @@ def _earlier_results(
     with user_errors():
         results = results_in(path)
     if results.role.value != context.info_name:
-        raise Problem(
-            UserMessage("{path} has the results of a {role}", path=path, role=results.role.value)
-        )
+        role = UserMessage(results.role.value)
+        raise Problem(UserMessage("{path} has the results of a {role}", path=path, role=role))
     if results.run is None:
         raise Problem(
             UserMessage("{path} states no settings: certify without --rerun-from", path=path)

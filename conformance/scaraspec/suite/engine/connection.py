@@ -212,7 +212,8 @@ class Connection:
         if self.unfinished:
             came.append("a part of a frame")
         if self.ending:
-            came.append(UserMessage("the connection was {value}", value=self.ending.value))
+            ending = UserMessage(self.ending.value)
+            came.append(UserMessage("the connection was {value}", value=ending))
         return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")
 
     # ------------------------------------------------------------------ listening

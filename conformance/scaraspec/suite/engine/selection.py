@@ -87,7 +87,7 @@ def _requirements(name: str, role: Role) -> set[str]:
                 "{name} cannot be tested on a {role}: `scaraspec requirements --clause {name}` "
                 "shows what tests it",
                 name=name,
-                role=role.value,
+                role=UserMessage(role.value),
             )
         )
     return testable
