@@ -23,6 +23,7 @@ from scaraspec.certificate.decisions import Consequence, decisions
 from scaraspec.cli.help import texts_of
 from scaraspec.cli.main import COMMANDS, group
 from scaraspec.judge.requirements import REQUIREMENTS, Binds, Strength
+from scaraspec.mutants import client, controller
 from scaraspec.protocol.frames import SkipReason
 from scaraspec.protocol.program_files import Severity
 from scaraspec.protocol.readings import READINGS
@@ -106,6 +107,7 @@ def messages() -> dict[str, list[str]]:
         "readings": [*_readings()],
         "requirements": [*_requirements()],
         "cases": [*_case_titles()],
+        "mutants": [*_mutant_sentences()],
         "register": [*_register()],
         "cli": [*_help_texts()],
         "protocol": [each.value for each in (*SkipReason, *Severity)],
@@ -178,6 +180,11 @@ def _criterion(criterion: str) -> Iterator[str]:
     """Yield the parts of a criterion that have English words; those of one in braces are names."""
     values = criterion.values.values() if isinstance(criterion, UserMessage) else (criterion,)
     yield from (text for text in values if _WORDS.search(_NAMES.sub("", text)))
+
+
+def _mutant_sentences() -> Iterator[str]:
+    for package in (controller, client):
+        yield from (mutant.sentence for mutant in package.mutants().values())
 
 
 def _readings() -> Iterator[str]:

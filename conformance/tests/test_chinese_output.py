@@ -153,3 +153,13 @@ def running_controller() -> Iterator[str]:
             yield url
         finally:
             process.terminate()
+
+
+def test_prove() -> None:
+    """The list of mutants; some sentences quote words of a reply."""
+    for role in ("controller", "client"):
+        text = shown("prove", "--list", "--role", role)
+        lines = [line.partition("：")[2] for line in text.splitlines()]
+        quoted = ("success", "fail", "none", "force", "quit", "true", "false", "tcp")
+        other = ("atof", "strtod", "unreachable", "main", "rob", "Latin", "sim")
+        assert english("\n".join(lines), *_STRUCTURES, *quoted, *other, "position") == []

@@ -19,8 +19,8 @@ from scaraspec.translation import Language, preferred_language, translate
 from scaraspec.user_message import UserMessage
 
 COMPLETE = (
-    *("cases", "cli", "click", "judge", "peers", "protocol", "readings", "recorder", "register"),
-    *("report", "requirements", "suite"),
+    *("cases", "cli", "click", "judge", "mutants", "peers", "protocol", "readings", "recorder"),
+    *("register", "report", "requirements", "suite"),
 )
 """The catalogues in which no translation is missing."""
 
