@@ -163,3 +163,10 @@ def test_prove() -> None:
         quoted = ("success", "fail", "none", "force", "quit", "true", "false", "tcp")
         other = ("atof", "strtod", "unreachable", "main", "rob", "Latin", "sim")
         assert english("\n".join(lines), *_STRUCTURES, *quoted, *other, "position") == []
+
+
+def test_program_show(fixtures_dir: Path) -> None:
+    """A listing; axes and names of variables stay."""
+    text = shown("program", "show", fixtures_dir / "programs/every-node.ilp32.rob")
+    text = re.sub('"[^"]*"', "", text)  # aliases
+    assert english(text, "count", "limit", *_STRUCTURES) == []

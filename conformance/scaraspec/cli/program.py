@@ -17,7 +17,7 @@ from scaraspec.protocol.program_files import (
     build,
     detect,
     lint,
-    listing,
+    listing_lines,
     parse,
 )
 from scaraspec.translation import localized
@@ -90,7 +90,8 @@ def command() -> None:
 def show(file: Path, points: str) -> None:
     """Print a listing of FILE."""
     _, program = _parse(file)
-    click.echo(listing(program, PointMeaning(points)), nl=False)
+    for line in listing_lines(program, PointMeaning(points)):
+        click.echo(localized(line))
 
 
 @command.command(epilog="Example: scaraspec program check pick-and-place.rob")

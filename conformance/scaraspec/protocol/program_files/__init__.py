@@ -13,7 +13,7 @@ from scaraspec.protocol.program_files.layout import (
     detect,
 )
 from scaraspec.protocol.program_files.lint import INVALID_PROGRAM_CODES, LintFinding, lint
-from scaraspec.protocol.program_files.listing import PointMeaning, listing
+from scaraspec.protocol.program_files.listing import PointMeaning, listing, listing_lines
 from scaraspec.protocol.program_files.model import (
     Node,
     NodeData,
@@ -81,6 +81,7 @@ __all__ = [
     "detect",
     "lint",
     "listing",
+    "listing_lines",
     "loop_readings",
     "parse",
 ]

@@ -1,7 +1,8 @@
 """Listing: a program as readable text, with one line per node, indented by loops, IFs and moves.
 
 The text depends only on the program, not on its layout. Control characters in names are escaped. A
-number that is not in its table is shown as a number.
+number that is not in its table is shown as a number. Lines are messages: a command can show them in
+another language.
 """
 
 from collections import Counter
@@ -31,6 +32,7 @@ from scaraspec.protocol.program_files.tables import (
     ResultType,
     ValueType,
 )
+from scaraspec.user_message import UserMessage
 
 _MAX_DEPTH = 20  # levels of indentation: malicious nesting could exhaust the memory
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -76,20 +78,20 @@ _CONDITIONS: Mapping[int, str] = MappingProxyType(
 )
 _PORT_TYPES: Mapping[int, str] = MappingProxyType(
     {
-        PortType.UNUSED: "not configured",
-        PortType.ANALOG_INPUT: "analog input",
-        PortType.DIGITAL_INPUT: "digital input",
-        PortType.PWM_OUTPUT: "PWM output",
-        PortType.DIGITAL_OUTPUT: "digital output",
+        PortType.UNUSED: UserMessage("not configured"),
+        PortType.ANALOG_INPUT: UserMessage("analog input"),
+        PortType.DIGITAL_INPUT: UserMessage("digital input"),
+        PortType.PWM_OUTPUT: UserMessage("PWM output"),
+        PortType.DIGITAL_OUTPUT: UserMessage("digital output"),
     }
 )
 _NODE_TEXTS: Mapping[int, str] = MappingProxyType(
     {
-        NodeType.STRAIGHT_MOVE: "move straight at {0.speed_rate} %, counts {0.counts}",
-        NodeType.CURVE_MOVE: "move in a curve at {0.speed_rate} %, counts {0.counts}",
-        NodeType.LOOP: "loop, counts {0.counts}",
+        NodeType.STRAIGHT_MOVE: "move straight at {speed} %, counts {counts}",
+        NodeType.CURVE_MOVE: "move in a curve at {speed} %, counts {counts}",
+        NodeType.LOOP: "loop, counts {counts}",
         NodeType.END_LOOP: "end loop",
-        NodeType.ELSE: "else",
+        NodeType.ELSE: UserMessage("else"),
         NodeType.ENDIF: "end if",
     }
 )
@@ -102,7 +104,14 @@ def listing(program: Program, points: PointMeaning = PointMeaning.JOINTS) -> str
         program: Any program, valid or not.
         points: How to interpret the values of points.
     """
-    return "".join(f"{line}\n" for line in _ListingWriter(program, points).lines())
+    return "".join(f"{line}\n" for line in listing_lines(program, points))
+
+
+def listing_lines(
+    program: Program, points: PointMeaning = PointMeaning.JOINTS
+) -> Iterator[UserMessage]:
+    """Yield the lines of the listing as messages; the arguments are those of `listing`."""
+    return _ListingWriter(program, points).lines()
 
 
 def _coordinates(axes: tuple[tuple[str, str], ...], values: tuple[float, ...]) -> str:
@@ -127,100 +136,145 @@ class _ListingWriter:
             key: name for key, name in names.items() if name.isidentifier() and uses[name] == 1
         }
 
-    def lines(self) -> Iterator[str]:
+    def lines(self) -> Iterator[UserMessage]:
         """Yield the lines: configuration, variables, nodes."""
         program = self._program
-        yield f"tool position: {_coordinates(_TOOL_AXES, program.tool_position)}"
-        yield f"tool center: {_coordinates(_TOOL_AXES[:3], program.tool_center)}"
+        position = _coordinates(_TOOL_AXES, program.tool_position)
+        yield UserMessage("tool position: {position}", position=position)
+        center = _coordinates(_TOOL_AXES[:3], program.tool_center)
+        yield UserMessage("tool center: {center}", center=center)
         for number, port_type in enumerate(program.ports, start=1):
             if port_type != PortType.UNUSED:
-                yield f"port {number}: {_port_type(port_type)}"
+                yield UserMessage(
+                    "port {number}: {type}", number=number, type=_port_type(port_type)
+                )
         for variable in program.variables:
-            yield f'variable {variable.key} "{show(variable.name)}" = {variable.value}'
+            yield UserMessage(
+                'variable {key} "{name}" = {value}',
+                key=variable.key,
+                name=show(variable.name),
+                value=variable.value,
+            )
         width = len(str(len(program.nodes)))
         for index, node in enumerate(program.nodes):
             indent = "  " * min(self._structure.depths[index], _MAX_DEPTH)
-            alias = f'  "{show(node.alias)}"' if node.alias else ""
-            unmatched = "  (unmatched)" if index in self._unmatched else ""
-            yield f"{index + 1:>{width}}  {indent}{self._meaning(node)}{alias}{unmatched}"
+            line = UserMessage(
+                "{number}{meaning}",
+                number=f"{index + 1:>{width}}  {indent}",
+                meaning=self._meaning(node),
+            )
+            if node.alias:
+                line = UserMessage('{line}  "{alias}"', line=line, alias=show(node.alias))
+            if index in self._unmatched:
+                line = UserMessage("{line}  (unmatched)", line=line)
+            yield line
 
     def _meaning(self, node: Node) -> str:
+        text: str
         match node.data:
             case Point(values):
-                text = f"to {_coordinates(self._axes, values)}"
+                text = UserMessage("to {point}", point=_coordinates(self._axes, values))
             case WaitInput(port, hundredths, condition):
-                value = f"{hundredths // 100}.{hundredths % 100:02}"
-                symbol = _CONDITIONS.get(condition, f"(condition {condition})")
-                text = f"wait until {self._port(port)} {symbol} {value}"
+                symbol = _CONDITIONS.get(condition)
+                text = UserMessage(
+                    "wait until {port} {symbol} {value}",
+                    port=self._port(port),
+                    symbol=symbol or UserMessage("(condition {number})", number=condition),
+                    value=f"{hundredths // 100}.{hundredths % 100:02}",
+                )
             case WaitSeconds(duration_s):
-                text = f"wait {duration_s} s"
+                text = UserMessage("wait {duration_s} s", duration_s=duration_s)
             case SetOutput():
                 text = self._output(node.data)
             case WaitTimer():
-                text = f"wait until {_instant(node.data)}"
+                text = UserMessage("wait until {instant}", instant=_instant(node.data))
             case Operation():
                 text = self._operation(node.type, node.data)
             case None:
-                text = _NODE_TEXTS.get(node.type, "(node type {0.type})").format(node)
+                template = _NODE_TEXTS.get(node.type, "(node type {type})")
+                text = UserMessage(
+                    template, speed=node.speed_rate, counts=node.counts, type=node.type
+                )
         return text
 
     def _port(self, number: int) -> str:
         ports = self._program.ports
         if not 1 <= number <= len(ports):
-            return f"port {number} (no such port)"
-        return f"port {number} ({_port_type(ports[number - 1])})"
+            return UserMessage("port {number} (no such port)", number=number)
+        port_type = _port_type(ports[number - 1])
+        return UserMessage("port {number} ({type})", number=number, type=port_type)
 
     def _output(self, output: SetOutput) -> str:
-        text = f"set {self._port(output.port)} to {output.value}"
+        text = self._setting(output.port, f"{output.value}")
         if output.type == PortType.DIGITAL_OUTPUT:
             return text
-        if output.type == PortType.PWM_OUTPUT:
-            return f"{text} with time base {output.time_base}"
-        return f"{text} (output type {output.type}) with time base {output.time_base}"
+        if output.type != PortType.PWM_OUTPUT:
+            text = UserMessage("{text} (output type {type})", text=text, type=output.type)
+        return UserMessage("{text} with time base {base}", text=text, base=output.time_base)
+
+    def _setting(self, port: int, value: str) -> UserMessage:
+        return UserMessage("set {port} to {value}", port=self._port(port), value=value)
 
     def _operation(self, node_type: int, operation: Operation) -> str:
         what = self._expression(operation)
+        result = operation.result
         match operation.result_type:
             case ResultType.CALCULATION | ResultType.ASSIGNMENT:
-                what = f"{self._variable(operation.result)} = {what}"
+                what = UserMessage(
+                    "{variable} = {value}", variable=self._variable(result), value=what
+                )
             case ResultType.SET_PORT:
-                what = f"set {self._port(operation.result)} to {what}"
+                what = self._setting(result, what)
             case ResultType.COMPARISON:
-                if operation.result:
-                    what += f" (result {operation.result})"
+                if result:
+                    what = UserMessage("{what} (result {result})", what=what, result=result)
             case _:
-                what += f" (result_type {operation.result_type}, result {operation.result})"
-        return f"if {what}" if node_type == NodeType.IF else what
+                what = UserMessage(
+                    "{what} (result_type {type}, result {result})",
+                    what=what,
+                    type=operation.result_type,
+                    result=result,
+                )
+        return UserMessage("if {what}", what=what) if node_type == NodeType.IF else what
 
     def _expression(self, operation: Operation) -> str:
         a = self._value(operation.value_a_type, operation.value_a)
         if operation.opt == 0 and operation.value_b_type == ValueType.NONE:
             return a
-        symbol = _SYMBOLS.get(operation.opt, f"(opt {operation.opt})")
-        return f"{a} {symbol} {self._value(operation.value_b_type, operation.value_b)}"
+        symbol = _SYMBOLS.get(operation.opt)
+        return UserMessage(
+            "{a} {symbol} {b}",
+            a=a,
+            symbol=symbol or UserMessage("(opt {number})", number=operation.opt),
+            b=self._value(operation.value_b_type, operation.value_b),
+        )
 
     def _value(self, value_type: int, value: int) -> str:
         match value_type:
             case ValueType.NONE:
-                return "nothing"
+                return UserMessage.of("nothing", "no value", {})
             case ValueType.NUMBER:
                 return str(value)
             case ValueType.VARIABLE:
                 return self._variable(value)
             case ValueType.INPUT_PORT:
                 return self._port(value)
-        return f"{value} (value type {value_type})"
+        return UserMessage("{value} (value type {type})", value=value, type=value_type)
 
     def _variable(self, key: int) -> str:
-        return self._names.get(key, f"variable {key}")
+        return self._names.get(key) or UserMessage("variable {number}", number=key)
 
 
 def _port_type(port_type: int) -> str:
-    return _PORT_TYPES.get(port_type, f"port type {port_type}")
+    return _PORT_TYPES.get(port_type) or UserMessage("port type {number}", number=port_type)
 
 
 def _instant(timer: WaitTimer) -> str:
     if 0 <= timer.seconds <= _LAST_SECOND and 0 <= timer.microseconds < SECOND_US:
         date = _EPOCH + timedelta(seconds=timer.seconds, microseconds=timer.microseconds)
         return f"{date:%Y-%m-%d %H:%M:%S.%f} UTC"
-    return f"second {timer.seconds} and microsecond {timer.microseconds} since 1970"
+    return UserMessage(
+        "second {seconds} and microsecond {microseconds} since 1970",
+        seconds=timer.seconds,
+        microseconds=timer.microseconds,
+    )
