@@ -25,6 +25,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Results
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.engine.plan import item_of
 
 ALL = ("--allow", "state,motion,destructive")
 
@@ -93,7 +94,7 @@ def test_a_faulty_controller(processes: Any, tmp_path: Path) -> None:
     assert case.expected
     assert case.observed
     assert case.wire
-    assert case.replay.endswith("--only 4.8/2")
+    assert case.replay.endswith("--only case:4.8/2")
 
 
 def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
@@ -434,7 +435,7 @@ def test_the_reproduction_command_repeats_the_failure(processes: Any, tmp_path: 
     assert words[:4] == ["scaraspec", "certify", "controller", url]
     for name, value in zip(options[::2], options[1::2], strict=True):
         assert words[words.index(name) + 1].removesuffix(".0") == value
-    assert words[-2:] == ["--only", failed[0].id.partition(".seen-")[0]]
+    assert words[-2:] == ["--only", item_of(failed[0].id.partition(".seen-")[0])]
     again = tmp_path / "again"
     processes.run(*words[1:], "--out", str(again))
     fingerprints = {case.fingerprint for case in Results.read(again / "results.json").cases}

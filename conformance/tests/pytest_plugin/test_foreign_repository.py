@@ -185,7 +185,7 @@ def test_conforming(run: Pytest, controller: str, repository: Path) -> None:
     results = Results.read(repository / "out/results.json")
     assert results.verdict is Conclusion.CONFORMANT
     assert {case.replay for case in results.cases} == {
-        f"scaraspec certify controller {controller} --seed 0 --only {case.id}"
+        f"scaraspec certify controller {controller} --seed 0 --only case:{case.id}"
         for case in results.cases
     }
     assert (repository / "report.html").exists()
