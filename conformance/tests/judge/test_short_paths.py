@@ -106,7 +106,7 @@ def with_gap(event: WireEvent) -> WireEvent:
     return replace(event, kind=Kind.GAP, data=b"", length_bytes=len(event.data), note="lost")
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.data())
 def test_mixed_sessions(script: Script, data: st.DataObject) -> None:
     """Polls with gaps, delays and the events of another session."""
