@@ -12,11 +12,12 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final
 
-from bench.captures import write_changing, write_polling
+from bench.captures import PER_SECOND, write_changing, write_polling
 from bench.stage import spread
 
 _ROOT: Final = Path(__file__).parents[1]
@@ -32,6 +33,8 @@ for path in sys.argv[1:]:
         text = f"{error}"
     print(text.replace("\\n", ""), flush=True)
 """
+_DAY_S: Final = 86_400
+_QUIET: Final[dict[str, Any]] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 _FIELDS: Final = ("frame.number", "frame.time_epoch", "ip.src", "tcp.srcport", "tcp.payload")
 
 
@@ -50,6 +53,7 @@ def main() -> None:
         other = _checked_out(chosen.against, folder / "other") if chosen.against else None
         for name, file in files.items():
             _measure(name, file, other, chosen.rounds)
+        _measure_day(folder, chosen.frames // 2, chosen.rounds)
         differing = _compare(folder, other) if other else 0
     if differing:
         raise SystemExit(1)
@@ -72,6 +76,26 @@ def _measure(name: str, file: Path, other: Path | None, rounds: int) -> None:
     for peer, values in ratios.items():
         if values:
             print(f"  relative to {peer}: {spread(values)}")
+
+
+def _measure_day(folder: Path, exchanges: int, rounds: int) -> None:
+    """Print how long two processes need for a day of recordings of a robot, from shorter ones."""
+    walls_s: dict[int, list[float]] = {}
+    for size in (100, exchanges):
+        source, *files = (folder / name for name in ("day.pcapng", "1.mcap", "2.mcap"))
+        write_polling(source, size)
+        scaraspec = [sys.executable, "-m", "scaraspec"]
+        subprocess.run([*scaraspec, "convert", source, files[0]], check=True, **_QUIET)  # noqa: S603 - ourselves
+        shutil.copy(files[0], files[1])
+        for _ in range(rounds):
+            begun_s = time.monotonic()
+            subprocess.run([*scaraspec, "audit", *files, "--jobs", "2"], check=False, **_QUIET)  # noqa: S603 - ourselves
+            walls_s.setdefault(size, []).append(time.monotonic() - begun_s)
+        files[0].unlink()
+    start_s = min(walls_s[100])
+    day_s = [(s - start_s) / (2 * exchanges) * PER_SECOND * _DAY_S for s in walls_s[exchanges]]
+    minutes = spread([each_s / 60 for each_s in day_s])
+    print(f"a day of one robot in hourly recordings, two processes: {minutes} min")
 
 
 def _python(*files: Path) -> list[str]:

@@ -267,7 +267,8 @@ def _run_gate(folder: Path, baseline: Path, *options: str) -> int:
 def _reproduce(mutant: ControllerMutant, folder: Path) -> tuple[Grade, str]:
     """Repeat the first finding with the printed command, against a new process."""
     port = peers.free_port()
-    only = ("--only", ",".join(mutant.requirements))
+    tested = {each for case in collect(EVERYTHING, Role.CONTROLLER) for each in case.requirements}
+    only = ("--only", ",".join(each for each in mutant.requirements if each in tested))
     failed = certify_controller(folder / "found", mutant, port, only).with_verdict("fail")
     if not failed:
         return Grade.NOT_MET, "nothing was found"

@@ -1,7 +1,8 @@
-"""Writes the MCAP container, six times as fast as the writer of the mcap package.
+"""Writes the MCAP container: the mcap package encodes rare records, this module encodes messages.
 
-The mcap package encodes rare records; this module encodes messages. All data up to the last `flush`
-remains readable if the process is killed (MCAP specification, "Data section").
+With the writer of the mcap package an event costs about 30 % more processor time, and the writer of
+foxglove-sdk is slower than this one, too. All data up to the last `flush` remains readable if the
+process is killed (MCAP specification, "Data section").
 """
 
 import struct
