@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
@@ -47,18 +46,15 @@ def test_a_light_installation_certifies_and_gates(light: dict[str, str], tmp_pat
     controller = subprocess.Popen(
         [
             *(sys.executable, "-m", "scaraspec", "controller"),
-            *("--listen", "127.0.0.1:0", "--ready-file", str(tmp_path / "ready")),
+            *("--listen", "127.0.0.1:0"),
         ],
         env=light,
-        stdout=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
     )
+    assert controller.stdout
     try:
-        until_s = time.monotonic() + _TIMEOUT_S
-        while not (tmp_path / "ready").exists():
-            assert controller.poll() is None
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
-        url = f"tcp://{(tmp_path / 'ready').read_text().strip()}"
+        url = controller.stdout.readline().split()[-1]
         lines = (
             ("certify", "controller", url, "--only", "4.8", "--out", "run"),
             ("gate", "run", "--baseline", "baseline.json", "--update"),
@@ -71,7 +67,7 @@ def test_a_light_installation_certifies_and_gates(light: dict[str, str], tmp_pat
             assert (done.returncode, done.stderr) == (0, ""), (line, done.stdout)
     finally:
         controller.terminate()
-        controller.wait()
+        controller.communicate()
     refused = run("verify", "run/results.json", environment=light, folder=tmp_path)
     assert refused.returncode == 2
     assert "extra" not in refused.stderr
