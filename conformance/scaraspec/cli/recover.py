@@ -34,7 +34,7 @@ def command(files: tuple[Path, ...]) -> None:
     can be named too.
     """
     from scaraspec_recorder.recordings.recovery import (  # noqa: PLC0415 - slow to import
-        is_lone_rrd,
+        lacks_recording,
         locked_folder,
     )
     from scaraspec_recorder.recordings.repair import repair  # noqa: PLC0415 - slow to import
@@ -47,7 +47,7 @@ def command(files: tuple[Path, ...]) -> None:
             )
         try:
             with locked_folder(file.resolve().parent) as unwritten_bytes:
-                if is_lone_rrd(file):
+                if lacks_recording(file):
                     whole = _repair_rrd(file) and whole
                     continue
                 report = repair(file)

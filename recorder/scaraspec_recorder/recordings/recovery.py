@@ -56,7 +56,7 @@ def sink_after_repair(folder: OutputFolder, *, make: SinkFactory) -> Sink:
         else:
             _log.warning("repaired %s: %s", path, "; ".join(report.notes))
     for drawn in sorted(folder.path.glob("*.rrd")):
-        if _unless_unreadable(is_lone_rrd, drawn) and not has_complete_rrd(drawn):
+        if _unless_unreadable(lacks_recording, drawn) and not has_complete_rrd(drawn):
             _log.warning(
                 "%s",
                 UserMessage(
@@ -94,7 +94,7 @@ def locked_folder(folder: Path) -> Iterator[int]:
         release_spool(spool, held)
 
 
-def is_lone_rrd(path: Path) -> bool:
+def lacks_recording(path: Path) -> bool:
     """Whether a file is an .rrd file of this recorder whose .mcap file was removed.
 
     Raises:

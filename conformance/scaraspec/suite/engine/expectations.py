@@ -125,7 +125,7 @@ class SentTooSlowly(CaseInconclusive):
     reason = Reason.STALLED
 
 
-class GivenUp(SentTooSlowly):
+class RequestAbandoned(SentTooSlowly):
     """The suite has not sent the last part of a request, because a pause before was too long."""
 
 

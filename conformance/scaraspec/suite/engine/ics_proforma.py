@@ -29,7 +29,7 @@ _MOTION: Final = {
     "speed_percent": "the speed of a move",
     "box_mm": "the minimum and maximum of x, y and z, such as [[200, 300], [-50, 50], [200, 250]]",
     "jog_s": "the longest jog, in seconds",
-    "longest_s": "the longest move, reset or program, in seconds",
+    "longest_s": "the longest move, reset or program, in seconds of the subject",
 }
 _BINDS: Final = {
     Binds.CONTROLLER: "controller",

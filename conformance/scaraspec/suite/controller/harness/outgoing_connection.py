@@ -24,8 +24,8 @@ from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
     CaseSkipped,
-    GivenUp,
     NoReply,
+    RequestAbandoned,
     SentTooSlowly,
 )
 from scaraspec.suite.engine.transfer_timeouts import too_slow, transfer_timeouts_of
@@ -121,7 +121,7 @@ class OutgoingConnection(Connection):
         """Send one frame.
 
         Raises:
-            GivenUp: A long pause inside became too long.
+            RequestAbandoned: A long pause inside became too long.
             RuntimeError: The suite is defective: the case does not declare the hazard.
         """
         self._subject.require_permitted(frame.opcode)
@@ -136,7 +136,7 @@ class OutgoingConnection(Connection):
                 self.wait(pause_s or _CUT_S)
                 self._request_pause_ns = self._subject.now_ns - begun_ns
                 if pause_s and self._is_slow:
-                    raise GivenUp(self._slow_message())
+                    raise RequestAbandoned(self._slow_message())
             self.send_bytes(part, checked=frame)
 
     def send_bytes(self, data: bytes, *, checked: Frame | None = None) -> None:

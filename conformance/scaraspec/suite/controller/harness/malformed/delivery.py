@@ -19,18 +19,20 @@ from scaraspec.suite.controller.harness.requests.queries import (
 from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.suite.engine.transfer_timeouts import transfer_timeouts_of
 
-SLOWEST_S: Final = 0.9
-"""The longest pause inside a frame, in seconds: 1 s (A-3-11), less the delay of a link."""
 _LIMIT_S: Final = 1.0
+"""The pause inside a frame that a controller must survive (A-3-11), in seconds of its clock."""
 _LINK_S: Final = 0.1
 """How much longer a pause may become on a link, or because this machine is busy."""
+SLOWEST_S: Final = _LIMIT_S - _LINK_S
+"""The longest pause inside a frame, in seconds."""
 _PART_OF_TRANSFER: Final = 0.5  # a transfer may pause twice as long
 
 
 def longest_pause_s(subject: ControllerUnderTest) -> float:
     """Return the longest pause inside a frame in our seconds, also during a transfer.
 
-    For a fast subject it is at least half of the limit, which leaves the other half for delays.
+    Delays are as long for a fast subject. The pause leaves room for them, and is at least half of
+    the limit.
     """
     of_transfer_s = _PART_OF_TRANSFER * transfer_timeouts_of(subject).must_survive_s
     limit_s = _LIMIT_S / subject.ics.time_scale

@@ -25,7 +25,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
 )
 from scaraspec.suite.controller.harness.requests.queries import supported_queries
 from scaraspec.suite.controller.harness.state.preserve import ensure_open
-from scaraspec.suite.engine.expectations import CaseFailed, GivenUp, NoReply, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, RequestAbandoned, expect_equal
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.user_message import UserMessage
 
@@ -64,7 +64,8 @@ class Model(SettingSteps, ExecutionSteps):
             if step.slow:
                 line.long_pause_s = longest_pause_s(self._subject)
             description = perform(step, line)
-        except GivenUp:  # the first request of the step is not complete: nothing has changed
+        except RequestAbandoned:
+            # The first request of the step is not complete: nothing has changed.
             if self._running:
                 raise
             self._replace(line)
