@@ -78,18 +78,20 @@ class _Results(NamedTuple):
     others: list[tuple[RuleResult, tuple[str, ...], tuple[str, ...]]]
 
 
+_ScopedChecks = list[tuple[Check, tuple[str, ...], tuple[str, ...]]]
+"""Check functions, each with the requirements that it decides, and those of them in scope."""
+
+
 class _Checks(NamedTuple):
     """The checks of one kind of traffic event.
-
-    Each check has the requirements that it decides, and those of them in scope.
 
     Attributes:
         by_bytes: The checks of rules that depend on the bytes of the event alone.
         others: The other checks.
     """
 
-    by_bytes: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
-    others: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...]
+    by_bytes: _ScopedChecks
+    others: _ScopedChecks
 
 
 @dataclass(slots=True)
@@ -306,7 +308,7 @@ class Judge:
 
 
 class _RulesInScope:
-    """Applies the rules, of which a scope names the requirements that count."""
+    """Applies the rules, and keeps apart the requirements that a scope includes."""
 
     def __init__(self, scope: Scope) -> None:
         self._scope = scope
@@ -346,15 +348,14 @@ class _RulesInScope:
         kind = kind_of(traffic_event)
         checks = self._checks.get(kind)
         if checks is None:
+            checks = self._checks[kind] = _Checks([], [])
             rules = [rule for rule in RULES if rule.applies_to(traffic_event)]
-            grouped = [[*group] for _, group in groupby(rules, key=lambda rule: rule.check)]
-            found: dict[bool, list[tuple[Check, tuple[str, ...], tuple[str, ...]]]]
-            found = {True: [], False: []}
-            for group in grouped:
-                ids = tuple(rule.requirement for rule in group)
+            for check, group in groupby(rules, key=lambda rule: rule.check):
+                same = [*group]
+                ids = tuple(rule.requirement for rule in same)
                 in_scope = tuple(i for i in ids if self._scope.includes(i, traffic_event))
-                found[group[0].by_bytes].append((group[0].check, ids, in_scope))
-            checks = self._checks[kind] = _Checks(tuple(found[True]), tuple(found[False]))
+                listed = checks.by_bytes if same[0].by_bytes else checks.others
+                listed.append((check, ids, in_scope))
         return checks
 
 
@@ -363,7 +364,7 @@ _rules_in = cache(_RulesInScope)
 
 
 def _apply(
-    checks: tuple[tuple[Check, tuple[str, ...], tuple[str, ...]], ...],
+    checks: _ScopedChecks,
     traffic_event: TrafficEvent,
     robot: RobotState,
     results: _Results,
