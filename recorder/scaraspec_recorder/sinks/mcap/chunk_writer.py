@@ -66,7 +66,8 @@ class Output(Protocol):
 class ChunkWriter:
     """Writes one MCAP file.
 
-    Exceptions of `Output` are not caught; after one, the writer must not be used.
+    Exceptions of `Output` are not caught, and the lack of memory is a `MemoryError`. After either,
+    the writer must not be used.
 
     Args:
         output: Receives the file.
@@ -89,7 +90,7 @@ class ChunkWriter:
             metadata_count=0,
             schema_count=0,
         )
-        self._compress = zstandard.ZstdCompressor().compress
+        self._compressor = zstandard.ZstdCompressor()
         self._begin_chunk()
         self._write(MAGIC)
         self._record(Header(profile=profile, library=library))
@@ -217,7 +218,10 @@ class ChunkWriter:
         self._begin_chunk()
         first_ns = min(min(index[::2]) for index in indices.values())
         last_ns = max(max(index[::2]) for index in indices.values())
-        compressed = self._compress(data)
+        try:
+            compressed = self._compressor.compress(data)
+        except zstandard.ZstdError as error:  # data of any content can be compressed
+            raise MemoryError(str(error)) from error
         offset, length = self._record(
             Chunk(
                 compression="zstd",

@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
-from zstandard import ZstdCompressor
+from zstandard import ZstdCompressor, ZstdError
 
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C, C2A, Direction
@@ -630,3 +630,20 @@ def test_a_removed_file(tmp_path: Path, talk: Any) -> None:
         assert loss.begins == {("1", A2C): 0, ("1", C2A): 0}
         assert loss.lost_bytes == {A2C: 3, C2A: 2}
     file.close()
+
+
+class _WithoutMemory:
+    """Compresses like zstandard without memory."""
+
+    def compress(self, data: bytes) -> bytes:
+        raise ZstdError(f"cannot compress {len(data)} bytes: Allocation error : not enough memory")
+
+
+def test_a_compressor_without_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no defect of the sink: another writer process writes the data again."""
+    monkeypatch.setattr("zstandard.ZstdCompressor", _WithoutMemory)
+    writer = ChunkWriter(BytesIO(), "test")
+    channel = writer.channel("/t", "json", writer.schema("s", "jsonschema", b"{}"))
+    writer.message(channel, 1, b"{}")
+    with pytest.raises(MemoryError, match="Allocation error"):
+        writer.finish()
