@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.child_process import ChildProcess
 from scaraspec_recorder.fault_injection.connection import InjectedConnection
 from scaraspec_recorder.fault_injection.rules import Injection
@@ -115,12 +116,18 @@ class Recording:
         Args:
             finished: Whether it has written everything.
         """
-        with suppress(OSError):  # the spool cannot be read: the last progress remains
+        try:
             self._progress = (
                 Progress.read(read_checkpoint(self.spool).get("state", {}))
                 if finished
                 else count_unwritten(self.spool)
             )
+        except (OSError, MemoryError) as error:  # the last progress remains
+            problem = UserMessage(
+                "the bytes that are not written yet cannot be counted: {reason}",
+                reason=f"{error}" or UserMessage("there is not enough memory"),
+            )
+            self._progress.problems.append(problem)
         self._note_removal()
         self._ended = True
 

@@ -296,6 +296,26 @@ def test_an_unfinished_writer_leaves_its_spool_to_the_next(tmp_path: Path) -> No
     run(test)
 
 
+def test_bytes_that_cannot_be_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recording ends nevertheless, with its last counts."""
+    (tmp_path / "full").touch()
+    monkeypatch.setattr("scaraspec_recorder.recording.count_unwritten", _without_memory)
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Trouble) as recording:
+            pass
+        assert not recording.progress.finished
+        assert recording.progress.problems == [
+            "the bytes that are not written yet cannot be counted: there is not enough memory"
+        ]
+
+    run(test)
+
+
+def _without_memory(_spool: Path) -> Progress:
+    raise MemoryError
+
+
 def test_a_finished_recording_of_a_killed_recorder(tmp_path: Path) -> None:
     """It is not mistaken for the present one, whose spool remains."""
     (tmp_path / "full").touch()

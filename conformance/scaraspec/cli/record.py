@@ -162,6 +162,7 @@ def command(url: str | None, **options: Any) -> None:
             RecordingPlan.of(robot)  # all errors before anything starts
         viewer = open_viewer() if options["live"] else None
         watches: list[StatusReader] = []
+        lost = False
         with (
             kept_awake(),
             _metrics(options["metrics"], watches),
@@ -170,7 +171,10 @@ def command(url: str | None, **options: Any) -> None:
             asyncio.run(_record(robots, viewer, watches))
     except (ConfigError, UrlError) as error:
         raise Problem(sentence_of(error)) from None
-    _print_summary([watch.read_status() for watch in watches])
+    except MemoryError:
+        click.echo(f"scaraspec: {localized('there is not enough memory')}", err=True)
+        lost = True
+    _print_summary([watch.read_status() for watch in watches], lost=lost)
 
 
 def _check(out_dir: Path) -> None:
@@ -263,6 +267,8 @@ async def _record(
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
         pass  # unfinished recordings are reported
+    except* MemoryError:
+        raise MemoryError from None
     finally:
         showing.cancel()
         await asyncio.gather(showing, return_exceptions=True)
@@ -354,13 +360,16 @@ async def _show(watches: Sequence[StatusReader], recordings: int, stopped: async
             await asyncio.sleep(period_s)
 
 
-def _print_summary(statuses: Sequence[Status]) -> None:
+def _print_summary(statuses: Sequence[Status], *, lost: bool) -> None:
     """Print what was recorded.
+
+    Args:
+        statuses: The final status of each recording.
+        lost: Whether something was lost that no status shows.
 
     Raises:
         SystemExit: Something was lost (exit status 3).
     """
-    lost = False
     for status in statuses:
         progress = status.progress
         if len(statuses) > 1:

@@ -3,6 +3,8 @@
 import shutil
 import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -83,6 +85,33 @@ def test_a_folder_that_cannot_be_written(refused: Callable[..., str], tmp_path: 
     # Even root cannot create a file there.
     message = refused("record", NOWHERE, *LOCAL, "--out", "/proc")
     assert "cannot record 127.0.0.1:0 to /proc: " in message
+
+
+_WITHOUT_MEMORY = """
+from scaraspec.cli import record
+from scaraspec.cli.main import main
+
+def fail(*_):
+    raise MemoryError
+
+record._missing = fail  # called when the recording has begun
+main()
+"""
+
+
+def test_a_lack_of_memory(tmp_path: Path) -> None:
+    """The recorder ends with one sentence, its counts and exit status 3."""
+    command = (sys.executable, "-c", _WITHOUT_MEMORY, "record", NOWHERE, *LOCAL)
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert done.stderr == "scaraspec: there is not enough memory\n"
+    assert "from the client: 0 bytes received and forwarded" in done.stdout
 
 
 @pytest.mark.parametrize("mode", ["400", "rw", "777", "60"])
