@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 from string import Formatter
@@ -206,6 +207,64 @@ def test_commands_display_localized_text() -> None:
 
 
 _UNTRANSLATED = {"UTC", "bold", "html", "ok", "report", "scaraspec"}
+
+
+def test_compared_values_are_messages() -> None:
+    """What was expected and observed has no English words in an f-string or a concatenation."""
+    folder = ROOT / "conformance/scaraspec"
+    assert [
+        f"{file.name}:{text.lineno}"
+        for package in ("judge", "suite")
+        for file in (folder / package).rglob("*.py")
+        for value in _compared(ast.parse(file.read_text("utf-8")))
+        for text in _composed(value)
+        if _ENGLISH_WORD.search(_literal(text))
+    ] == []
+
+
+_ENGLISH_WORD = re.compile(r"\b[a-z]{3,}|\b(?:at|by|in|is|no|of|or|to)\b")
+"""A word in lower case; units and patterns such as DDHHMMSS are the same in every language."""
+_COMPARED = {"expected", "observed"}
+
+
+def _compared(tree: ast.AST) -> Iterator[ast.expr]:
+    """Yield the values of arguments, variables and attributes that are compared in a report."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.keyword(arg=str(name), value=value) if name in _COMPARED:
+                yield value
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)):
+                yield from (v for n, v in zip(names, values, strict=True) if _is_compared(n))
+            case ast.Assign(targets=[target], value=value) if _is_compared(target):
+                yield value
+
+
+def _is_compared(target: ast.expr) -> bool:
+    return getattr(target, "id", getattr(target, "attr", "")) in _COMPARED
+
+
+def _composed(value: ast.expr) -> Iterator[ast.JoinedStr | ast.BinOp]:
+    """Yield the f-strings and concatenations that an expression may have as its value."""
+    match value:
+        case ast.JoinedStr() | ast.BinOp(op=ast.Add()):
+            yield value
+        case ast.IfExp(body=body, orelse=other):
+            yield from (*_composed(body), *_composed(other))
+        case ast.BoolOp(values=values):
+            for each in values:
+                yield from _composed(each)
+
+
+def _literal(text: ast.expr) -> str:
+    """Return the literal parts of a composed text, without those that are passed to functions."""
+    match text:
+        case ast.Constant(value=str(part)):
+            return part
+        case ast.JoinedStr(values=parts):
+            return " ".join(map(_literal, parts))
+        case ast.BinOp(left=left, right=right):
+            return f"{_literal(left)} {_literal(right)}"
+    return ""
 
 
 def _words(node: ast.expr) -> set[str]:

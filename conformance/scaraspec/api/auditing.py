@@ -270,8 +270,8 @@ def _notices(subject: Role, judge: Judge, listener: _Listener) -> Iterator[str]:
     if other := _OTHER_SIDE.get(subject):
         yield UserMessage(
             "Only the {subject} is judged. Findings about the {other} that are left out: {count}",
-            subject=subject.value,
-            other=other,
+            subject=UserMessage(subject.value),
+            other=UserMessage(other),
             count=judge.other_side,
         )
     if listener.unjudged:

@@ -110,7 +110,7 @@ def one_byte_length(invalid: InvalidBytes, _: RobotState) -> RuleResult | None:
         UserMessage(
             "{byte_count} data bytes were sent in one frame", byte_count=diagnosis.expected
         ),
-        expected=f"at most {MAX_DATA_BYTES}",
+        expected=UserMessage("at most {limit}", limit=MAX_DATA_BYTES),
         observed=diagnosis.expected,
     )
 

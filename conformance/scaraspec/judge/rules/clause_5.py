@@ -41,8 +41,8 @@ def structure(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.chunk is None or (size != FILE_DATA_BYTES and size != HEAD_BYTES + x.chunk.length):
         return failed(
             "the data of a chunk is not a fileData structure",
-            expected=f"{FILE_DATA_BYTES} bytes",
-            observed=f"{size} bytes",
+            expected=UserMessage("{count} bytes", count=FILE_DATA_BYTES),
+            observed=UserMessage("{count} bytes", count=size),
             at=(x.request.place,),
         )
     return PASSED
@@ -148,7 +148,7 @@ def within_the_file(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     return failed(
         "a chunk reaches beyond the end of the file",
-        expected=f"at most {x.chunk.file_size}",
+        expected=UserMessage("at most {limit}", limit=x.chunk.file_size),
         observed=str(end),
         at=(x.request.place,),
     )
@@ -395,8 +395,12 @@ def reads_back(transfer: Transfer, robot: RobotState) -> RuleResult | None:
             file_name=show(transfer.name),
             offset=first,
         ),
-        expected=f"{expected_size} bytes, at {first}: {sent}",
-        observed=f"{size} bytes, at {first}: {got}",
+        expected=UserMessage(
+            "{count} bytes, at {offset}: {data}", count=expected_size, offset=first, data=sent
+        ),
+        observed=UserMessage(
+            "{count} bytes, at {offset}: {data}", count=size, offset=first, data=got
+        ),
         at=(*places_of_file(stored), *places_of(transfer), *chunk),
     )
 

@@ -18,6 +18,7 @@ from scaraspec.judge.rules.settings import in_force
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
@@ -87,7 +88,11 @@ def clock_as_set(x: Exchange, robot: RobotState) -> RuleResult | None:
         return None if reported else _SUMMER_TIME  # by 4.6/4
     return failed(
         "the clock does not show the time that was set plus the elapsed time",
-        expected=f"{setting.request_value} plus {elapsed_s(setting, x)[0]:.0f} s",
+        expected=UserMessage(
+            "{time} plus {elapsed_s} s",
+            time=setting.request_value,
+            elapsed_s=f"{elapsed_s(setting, x)[0]:.0f}",
+        ),
         observed=str(x.reply_value),
         at=(*places_of(setting), *places_of(x)),
     )
@@ -121,7 +126,12 @@ def clock_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
     least_s, most_s = elapsed_s(y, x)
     return failed(
         message,
-        expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.reply_value}",
+        expected=UserMessage(
+            "{least_s} to {most_s} s later than {time}",
+            least_s=f"{least_s:.1f}",
+            most_s=f"{most_s:.1f}",
+            time=y.reply_value,
+        ),
         observed=f"{advance_s:.0f} s",
         at=(*places_of(y), *places_of(x)),
     )

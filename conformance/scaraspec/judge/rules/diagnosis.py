@@ -97,7 +97,7 @@ def _stray(invalid: InvalidBytes) -> Diagnosis:
     return Diagnosis(
         Fault.STRAY,
         "nothing",
-        f"{invalid.place.length_bytes} bytes",
+        UserMessage("{count} bytes", count=invalid.place.length_bytes),
     )
 
 

@@ -88,7 +88,7 @@ def jog_direction_exists(x: Exchange, _: RobotState) -> RuleResult | None:
     """A direction outside 1 to 4 is not accepted (L605-608)."""
     if len(x.request.frame.data) != 1 or x.request_value is not None:
         return None
-    return _refused(x, f"{observed(x.request)} is no direction")
+    return _refused(x, UserMessage("{value} is no direction", value=observed(x.request)))
 
 
 @rule("4.32/5", on=Exchange, names=("set_digital_output",))

@@ -133,7 +133,7 @@ def output_shows(x: Exchange, robot: RobotState) -> RuleResult | None:
         return PASSED
     return failed(
         message,
-        expected=expected or f"{value} at port {port}",
+        expected=expected or UserMessage("{value} at port {port}", value=value, port=port),
         observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
     )
@@ -184,7 +184,8 @@ def high_port_first(x: Exchange, robot: RobotState) -> RuleResult | None:
             port=port,
             reported_port=OUTPUTS + 1 - port,
         ),
-        expected=_expected_reply(x, robot) or f"{value} at port {port}",
+        expected=_expected_reply(x, robot)
+        or UserMessage("{value} at port {port}", value=value, port=port),
         observed=x.reply_value,
         at=(*places_of(setting), *places_of(x)),
     )

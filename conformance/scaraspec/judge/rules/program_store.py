@@ -134,7 +134,7 @@ def no_split_name(x: Exchange, robot: RobotState) -> RuleResult | None:
             return failed(
                 "a name is split between two parts of the list",
                 expected=show(head + tail),
-                observed=f"{show(head)} and {show(tail)}",
+                observed=UserMessage("{first} and {second}", first=show(head), second=show(tail)),
             )
     return PASSED if boundaries else None
 
@@ -171,7 +171,7 @@ def names_are_unique(x: Exchange, robot: RobotState) -> RuleResult | None:
     return failed(
         UserMessage("the list contains {program} {count} times", program=show(name), count=count),
         expected="once",
-        observed=f"{count} times",
+        observed=UserMessage("{count} times", count=count),
     )
 
 
@@ -228,7 +228,7 @@ def uploaded_is_listed(x: Exchange, robot: RobotState) -> RuleResult | None:
             return failed(
                 _missing_message(transfer.name, listed, robot),
                 expected="in the list",
-                observed=f"{len(listed)} other names",
+                observed=UserMessage("{count} other names", count=len(listed)),
                 at=(*places_of_file(transfer), *places_of(x)),
             )
     return PASSED if len(missing) < len(expected) else None

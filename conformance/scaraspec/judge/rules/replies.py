@@ -132,7 +132,9 @@ def answered(x: Exchange, robot: RobotState) -> RuleResult | None:
                 command=x.name,
             ),
             expected="a reply in time",
-            observed=f"a reply after {(x.latency_ns or 0) / 1e9:.1f} s",
+            observed=UserMessage(
+                "a reply after {time_s} s", time_s=f"{(x.latency_ns or 0) / 1e9:.1f}"
+            ),
         )
     if x.ending is Ending.UNSEEN:
         if x.ambiguous:

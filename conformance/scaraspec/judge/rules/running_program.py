@@ -122,7 +122,11 @@ def run_time_runs(x: Exchange, robot: RobotState) -> RuleResult | None:
         )
     return failed(
         "the run time does not advance by one second per second",
-        expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.reply_value.run_time_s} s",
+        expected=UserMessage(
+            "{increase_s} s more than {time_s} s",
+            increase_s=f"{(x.time_ns - y.time_ns) / 1e9:.1f}",
+            time_s=y.reply_value.run_time_s,
+        ),
         observed=f"{x.reply_value.run_time_s} s",
         at=(*places_of(program), *places_of(y), *places_of(x)),
     )
@@ -135,7 +139,7 @@ def _counts_from_elsewhere(x: Exchange, program: Exchange) -> RuleResult:
             program=show(program.request_value or b""),
             elapsed_s=elapsed_s(program, x)[1],
         ),
-        expected=f"at most {elapsed_s(program, x)[1]:.1f} s",
+        expected=UserMessage("at most {limit_s} s", limit_s=f"{elapsed_s(program, x)[1]:.1f}"),
         observed=f"{x.reply_value.run_time_s} s",
         at=(*places_of(program), *places_of(x)),
     )

@@ -18,12 +18,13 @@ from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FileData
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 
 def observed(seen: FrameSeen) -> str:
     """Return the payload's text as evidence; passwords are never shown."""
     if is_secret(seen.frame):
-        return f"{len(seen.frame.data)} bytes"
+        return UserMessage("{count} bytes", count=len(seen.frame.data))
     return show(seen.frame.data)
 
 

@@ -104,6 +104,6 @@ def plausible_temperatures(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     return failed(
         "a motor temperature is implausible in degrees Celsius",
-        expected=f"{_COLDEST_C} to {_HOTTEST_C}",
+        expected=UserMessage("{first} to {last}", first=_COLDEST_C, last=_HOTTEST_C),
         observed=observed(x.reply),
     )

@@ -3,6 +3,7 @@
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, Chunk
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 
 def chunk_of(answer: ReceivedFrame) -> Chunk:
@@ -16,8 +17,8 @@ def chunk_of(answer: ReceivedFrame) -> Chunk:
     expect(
         whole,
         "the data of a chunk is not a fileData",
-        expected=f"{FILE_DATA_BYTES} bytes",
-        observed=f"{size_bytes} bytes: {answer}",
+        expected=UserMessage("{count} bytes", count=FILE_DATA_BYTES),
+        observed=UserMessage("{count} bytes: {answer}", count=size_bytes, answer=answer),
         requirement="5.1/1",
     )
     assert isinstance(chunk, Chunk), "checked above"
@@ -55,7 +56,7 @@ def expect_chunk_length(chunk: Chunk) -> None:
     expect(
         1 <= chunk.length <= BUFFER_BYTES,
         "the length of a chunk is out of bounds",
-        expected=f"1 to {BUFFER_BYTES}",
+        expected=UserMessage("{first} to {last}", first=1, last=BUFFER_BYTES),
         observed=f"{chunk.length}",
         requirement="5.1/5",
     )
@@ -69,7 +70,7 @@ def expect_within(chunk: Chunk, size_bytes: int) -> None:
     """
     end = chunk.position + chunk.length
     message = "a chunk reaches beyond the end of the file"
-    expected, observed = f"at most {size_bytes}", f"{end}"
+    expected, observed = UserMessage("at most {limit}", limit=size_bytes), f"{end}"
     expect(end <= size_bytes, message, expected=expected, observed=observed, requirement="5.1/6")
 
 
@@ -84,7 +85,9 @@ def expect_chunk_position(chunk: Chunk, content: bytes) -> None:
         at >= 0 and content.startswith(chunk.data, chunk.position),  # short data may occur twice
         "the data of a chunk is not at its position in the file",
         expected="data of the file" if at < 0 else f"{at}",
-        observed=f"{chunk.position}" + ", with data that is not in the file" * (at < 0),
+        observed=f"{chunk.position}"
+        if at >= 0
+        else UserMessage("{position}, with data that is not in the file", position=chunk.position),
         requirement="5.1/4",
     )
 
@@ -99,7 +102,7 @@ def expect_chunk_content(chunk: Chunk, content: bytes) -> None:
     expect(
         valid.startswith(chunk.data),
         "the length of a chunk includes bytes that are not of the file",
-        expected=f"at most {len(valid)}",
+        expected=UserMessage("at most {limit}", limit=len(valid)),
         observed=f"{chunk.length}",
         requirement="5.1/5",
     )

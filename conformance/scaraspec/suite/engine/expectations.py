@@ -7,6 +7,7 @@ raises another exception than those of this module is itself defective.
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import reduce
 from typing import Any, Final, NamedTuple
 
 from scaraspec.judge.verdicts import Reason
@@ -14,6 +15,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.report.failed_step import Stage
 from scaraspec.suite.engine.hooks import missing_hooks_message
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.user_message import UserMessage
 
 
 class Moment(NamedTuple):
@@ -204,10 +206,14 @@ def expect_in(
         CaseFailed: It is not.
     """
     if observed not in options:
-        expected = " or ".join(map(show_value, options))
+        expected = reduce(_either, map(show_value, options))
         raise CaseFailed(
             message, expected=expected, observed=show_value(observed), requirement=requirement
         )
+
+
+def _either(first: str, second: str) -> str:
+    return UserMessage("{first} or {second}", first=first, second=second)
 
 
 def show_value(value: Any) -> str:

@@ -221,7 +221,9 @@ class Bench:
             expect(
                 self.ended_s - self.started_s >= self.ours_s(state.waited_s) - EARLY_S,
                 "a program ends before its waits are over",
-                expected=f"at least {self.ours_s(state.waited_s):g} s",
+                expected=UserMessage(
+                    "at least {limit_s} s", limit_s=f"{self.ours_s(state.waited_s):g}"
+                ),
                 observed=f"{self.ended_s - self.started_s:.2f} s",
                 requirement="6.5/20",
             )
@@ -278,8 +280,10 @@ class Bench:
         except CaseFailed as error:
             lines = listing(parse(self._content)).splitlines()
             steps = (" ".join(line.split()) for line in lines if not line.startswith(_SETTINGS))
-            observed = f"{error.observed} of this program: {'; '.join(steps)}"
-            error.observed = observed[:_MAX_CHARACTERS]
+            template, listed = "{observed} of this program: {steps}", "; ".join(steps)
+            whole = UserMessage(template, observed=error.observed, steps=listed)
+            kept = max(len(listed) - max(len(whole) - _MAX_CHARACTERS, 0), 0)
+            error.observed = UserMessage(template, observed=error.observed, steps=listed[:kept])
             raise
 
     def ours_s(self, seconds: float) -> float:

@@ -95,8 +95,8 @@ def _expect_frame(line: IncomingConnection, call: Call, data: bytes) -> None:
     expect(
         frame.data.rstrip(b"|\0") == data,
         "the request carries wrong data",
-        expected=f"{len(data)} bytes",
-        observed=f"{len(frame.data)} bytes",
+        expected=UserMessage("{count} bytes", count=len(data)),
+        observed=UserMessage("{count} bytes", count=len(frame.data)),
         requirement="T/10",
     )
 

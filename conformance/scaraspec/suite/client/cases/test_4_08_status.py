@@ -83,7 +83,7 @@ def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> No
         expect(
             not call.ok or _code_in(call.result) not in ("00", "01"),
             "the client reports an unknown code as a code of the table",
-            expected=f"{data.decode()}, or an error",
+            expected=UserMessage("{value}, or an error", value=data.decode()),
             observed=f"{call}",
         )
         expect_reported(subject, line, "get_status", b"05")

@@ -15,6 +15,7 @@ from scaraspec.suite.client.harness.two_stage import (
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_equal, show_value
+from scaraspec.user_message import UserMessage
 
 _DIRECTIONS: Final = {"+y": 1, "-y": 2, "+x": 3, "-x": 4}  # L605-608
 _JOG: Final = "jog"
@@ -26,7 +27,7 @@ def _expect_direction(sent: bytes, number: int) -> None:
     expect(
         sent[0] in (number, _ASCII + number),
         "a jog carries a wrong direction",
-        expected=f"{number}, as a digit or a byte",
+        expected=UserMessage("{number}, as a digit or a byte", number=number),
         observed=show_value(sent),
         requirement="4.28/3",
     )
@@ -81,7 +82,10 @@ def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
         expect_finished(subject, call)
     form = forms.pop()
     expect(
-        not forms, "the form of the jog byte changes", expected=f"always {form}", observed="both"
+        not forms,
+        "the form of the jog byte changes",
+        expected=UserMessage("always {form}", form=form),
+        observed="both",
     )
     subject.detected_readings["jog_byte"] = form
     if form == "binary":

@@ -334,7 +334,7 @@ def _expect_none(again: Sequence[FrameSeen], message: str) -> None:
         not again,
         message,
         expected="one request",
-        observed=f"{1 + len(again)} requests",
+        observed=UserMessage("{count} requests", count=1 + len(again)),
         requirement="4/16",
     )
 

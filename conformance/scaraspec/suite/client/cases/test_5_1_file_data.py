@@ -77,8 +77,8 @@ def test_size_of_the_structure(subject: ClientUnderTest, line: IncomingConnectio
             expect(
                 isinstance(chunk, Chunk) and sent_bytes == HEAD_BYTES + chunk.length,
                 "a chunk does not have the size of fileData",
-                expected=f"{FILE_DATA_BYTES} bytes",
-                observed=f"{sent_bytes} bytes",
+                expected=UserMessage("{count} bytes", count=FILE_DATA_BYTES),
+                observed=UserMessage("{count} bytes", count=sent_bytes),
             )
             message = "the client truncates chunks after their content"
             subject.tolerate("5.1/2", "chunk_trunc", "truncated", message)

@@ -310,7 +310,7 @@ def test_local_file_stays(subject: ClientUnderTest, line: IncomingConnection, mi
     expect(
         Path(local).exists() and Path(local).read_bytes() == mine,
         "a download changed an existing local file",
-        expected=f"its {len(mine)} bytes",
+        expected=UserMessage("its {count} bytes", count=len(mine)),
         observed="another file, or none",
     )
 

@@ -156,13 +156,23 @@ class Download:
         got = stored or b""
         pairs = enumerate(zip(got, content, strict=False))
         at = next((i for i, (a, b) in pairs if a != b), min(len(got), size_bytes))
-        seen = f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}"
+        seen = UserMessage(
+            "{count} bytes, at {offset}: {data}",
+            count=len(got),
+            offset=at,
+            data=got[at : at + 8].hex(" "),
+        )
         raise CaseFailed(
             UserMessage(
                 "the client stored a downloaded file of {size_bytes} bytes incorrectly",
                 size_bytes=size_bytes,
             ),
-            expected=f"{size_bytes} bytes, at {at}: {content[at : at + 8].hex(' ')}",
+            expected=UserMessage(
+                "{count} bytes, at {offset}: {data}",
+                count=size_bytes,
+                offset=at,
+                data=content[at : at + 8].hex(" "),
+            ),
             observed="no file" if stored is None else seen,
             requirement=requirement,
         )
@@ -181,8 +191,8 @@ class Download:
         expect(
             room or received.startswith(stored),
             "the file of an interrupted download differs from the received data",
-            expected=f"no file, or the {len(received)} bytes received",
-            observed=f"{len(stored)} bytes",
+            expected=UserMessage("no file, or the {count} bytes received", count=len(received)),
+            observed=UserMessage("{count} bytes", count=len(stored)),
             requirement="5.3/11",
         )
         message = "the data of an interrupted download stays on the disk"

@@ -77,7 +77,7 @@ def expect_given_up(subject: ClientUnderTest, call: Call, requirement: str) -> N
             UserMessage(
                 "the client aborted a transfer after {passed_s:.2f} s of silence", passed_s=passed_s
             ),
-            expected=f"at least {limits.must_survive_s:.2f} s",
+            expected=UserMessage("at least {limit_s} s", limit_s=f"{limits.must_survive_s:.2f}"),
             observed=f"{passed_s:.2f} s",
             requirement=requirement,
         )

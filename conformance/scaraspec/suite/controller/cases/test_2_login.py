@@ -273,7 +273,11 @@ def test_motion(subject: ControllerUnderTest) -> None:
     expect_equal(after, before, "an output was set without a login")
     expect_equal(status, "00", "a command sent without a login is executed")
     message = "the arm moved without a login"
-    expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
+    expect(
+        deviation <= STANDSTILL,
+        message,
+        observed=UserMessage("by {deviation}", deviation=f"{deviation:.2f}"),
+    )
     if subject.supports_multiple_connections:
         with outputs_preserved(line):
             with executing_task(subject, line, RUN, queries=False):

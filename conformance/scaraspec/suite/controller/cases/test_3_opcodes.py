@@ -176,7 +176,7 @@ def _send_with_query(subject: ControllerUnderTest, line: OutgoingConnection, fra
             line.ending is not None,
             "no reply arrives after a request with an undefined opcode",
             expected="a reply to 0x09, or the end of the connection",
-            observed=f"silence after opcode {frame.opcode:02X}",
+            observed=UserMessage("silence after opcode {opcode}", opcode=f"{frame.opcode:02X}"),
         )
     _expect_own_opcodes(subject, line, frozenset({frame.opcode}))
 
@@ -233,7 +233,11 @@ def _expect_unchanged(subject: ControllerUnderTest, before: _State) -> None:
     after = _read_state(subject)
     deviation = max_deviation(after.joints, before.joints)
     message = "an undefined opcode moved the arm"
-    expect(deviation <= STANDSTILL, message, observed=f"by {deviation:.2f}")
+    expect(
+        deviation <= STANDSTILL,
+        message,
+        observed=UserMessage("by {deviation}", deviation=f"{deviation:.2f}"),
+    )
     for name, data in before.replies.items():
         expect_equal(
             after.replies[name],

@@ -204,7 +204,7 @@ def test_stop_after_a_jog(subject: ControllerUnderTest, line: OutgoingConnection
             stop_reply.accepted and status != "04",
             "an emergency stop sent right after a jog did not stop it",
             expected="1, and a status other than 04",
-            observed=f"{stop_reply}, and {status}",
+            observed=UserMessage("{first}, and {second}", first=stop_reply, second=status),
         )
         expect(
             not locked,

@@ -12,6 +12,7 @@ from scaraspec.suite.controller.harness.requests.clock import (
 from scaraspec.suite.controller.harness.state.preserve import ensure_open, patient
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _STEPS: Final = 6
 _STEP_S: Final = 0.35
@@ -25,7 +26,7 @@ def _expect_not_earlier(first: ClockSample, later: ClockSample) -> None:
     expect(
         later.time >= first.time,
         "the clock went back",
-        expected=f"{first.time} or later",
+        expected=UserMessage("{time} or later", time=first.time),
         observed=f"{later.time}",
         requirement="4.6/4",
     )

@@ -176,7 +176,7 @@ def test_state_lag(subject: ControllerUnderTest, line: OutgoingConnection) -> No
     expect(
         not late,
         message,
-        expected=f"at most {TOLERATED_S:g} s",
-        observed=f"more than {shown_s:.3f} s",
+        expected=UserMessage("at most {limit_s} s", limit_s=f"{TOLERATED_S:g}"),
+        observed=UserMessage("more than {limit_s} s", limit_s=f"{shown_s:.3f}"),
     )
     subject.tolerate("4/8", "status_lag", option, message)

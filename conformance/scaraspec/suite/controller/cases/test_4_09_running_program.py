@@ -132,7 +132,11 @@ def _expect_increase(
     expect(
         min_s - tolerance_s <= increase_s <= max_s + tolerance_s,
         message,
-        expected=f"{max_s:.1f} s more than {first.run_time_s} s",
+        expected=UserMessage(
+            "{increase_s} s more than {time_s} s",
+            increase_s=f"{max_s:.1f}",
+            time_s=first.run_time_s,
+        ),
         observed=f"{later.run_time_s} s",
         requirement="4.9/5",
     )
@@ -146,7 +150,7 @@ def _expect_counted_from_start(
     expect(
         first.run_time_s <= max_s + _TOLERANCE_S + _MAX_DRIFT * max_s,
         "the run time is longer than this run of the program",
-        expected=f"at most {max_s:.1f} s",
+        expected=UserMessage("at most {limit_s} s", limit_s=f"{max_s:.1f}"),
         observed=f"{first.run_time_s} s",
         requirement="4.9/5",
     )

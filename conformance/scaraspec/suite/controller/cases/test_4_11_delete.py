@@ -62,7 +62,7 @@ def _expect_refused(
         not attempt.accepted,
         UserMessage("the deletion of {kind} was answered 1", kind=wrong.kind),
         expected="0",
-        observed=f"{attempt} to {show(wrong.data)}",
+        observed=UserMessage("{answer} to {data}", answer=attempt, data=show(wrong.data)),
         requirement=requirement,
     )
     return attempt.line

@@ -32,6 +32,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import names
 from scaraspec.suite.program_files.listed import INHERITED, long_name
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _DEFAULTS = ("get_default_program", "set_default_program")
@@ -52,7 +53,7 @@ def test_missing_program_is_refused_at_once(
         status.value not in BUSY or (first.accepted and status.value == "01"),
         "the robot executes something after it refused a missing program",
         expected="00",
-        observed=f"{first}, then {status}",
+        observed=UserMessage("{first}, then {second}", first=first, second=status),
     )
     if first.accepted:
         result = wait_for_result(subject, line, RUN)

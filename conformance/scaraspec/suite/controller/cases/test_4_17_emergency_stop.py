@@ -329,8 +329,10 @@ def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name
                 max_deviation(stopped_joints, joints) <= STANDSTILL
                 and same_place(stopped_pose, pose),
                 "the arm continues to move after the emergency stop",
-                expected=f"{tuple(stopped_joints)} at {tuple(stopped_pose)}",
-                observed=f"{tuple(joints)} at {tuple(pose)}",
+                expected=UserMessage(
+                    "{joints} at {pose}", joints=tuple(stopped_joints), pose=tuple(stopped_pose)
+                ),
+                observed=UserMessage("{joints} at {pose}", joints=tuple(joints), pose=tuple(pose)),
             )
 
 

@@ -24,6 +24,7 @@ from scaraspec.suite.controller.harness.two_stage.results import expect_success
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
+from scaraspec.user_message import UserMessage
 
 _READS: Final = 8
 _PAUSE_S: Final = 0.05
@@ -90,6 +91,10 @@ def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 distance_mm <= STANDSTILL
                 and abs(angle_difference(reported.theta_x, screw_end.theta_x)) <= STANDSTILL,
                 "the coordinates are neither those of the screw end nor of the gripper center",
-                expected=f"{tuple(screw_end)}, or a distance of {offset_mm:g} mm",
+                expected=UserMessage(
+                    "{pose}, or a distance of {distance_mm} mm",
+                    pose=tuple(screw_end),
+                    distance_mm=f"{offset_mm:g}",
+                ),
                 observed=f"{tuple(reported)}",
             )

@@ -139,8 +139,10 @@ def test_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                     UserMessage(
                         "no accepted jog along {axis} moves the arm, but a step does", axis=axis
                     ),
-                    expected=f"a motion along {axis}",
-                    observed=f"04, then {pose_of(line)[:3]}",
+                    expected=UserMessage("a motion along {axis}", axis=axis),
+                    observed=UserMessage(
+                        "{first}, then {second}", first="04", second=pose_of(line)[:3]
+                    ),
                 )
         raise CaseSkipped(
             UserMessage(
@@ -399,7 +401,7 @@ def _expect_same_direction(
             "a binary byte for {direction} moves the arm differently from the digit",
             direction=direction,
         ),
-        expected=f"along {first}",
-        observed=f"along {second}",
+        expected=UserMessage("along {axis}", axis=first),
+        observed=UserMessage("along {axis}", axis=second),
         requirement="4.28/3",
     )

@@ -85,7 +85,7 @@ def _follows_driven_values(
     expect(
         scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, proportional, strict=True)),
         UserMessage("analog input {port} does not follow the driven value", port=port),
-        expected=f"values proportional to {_VALUES}",
+        expected=UserMessage("values proportional to {values}", values=_VALUES),
         observed=f"{values}",
     )
     after = _read_value(line, other)

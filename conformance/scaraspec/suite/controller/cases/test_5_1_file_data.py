@@ -86,8 +86,8 @@ def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConne
             expect(
                 truncated,
                 "the size of a chunk is not that of fileData",
-                expected=f"{FILE_DATA_BYTES} bytes",
-                observed=f"{bytes_sent} bytes",
+                expected=UserMessage("{count} bytes", count=FILE_DATA_BYTES),
+                observed=UserMessage("{count} bytes", count=bytes_sent),
             )
             message = "chunks end after their content"
             subject.tolerate("5.1/2", "chunk_trunc", "truncated", message)
@@ -281,7 +281,7 @@ def _expect_incomplete(
     raise CaseFailed(
         message,
         expected="0 to a chunk after a gap, or a wait for the missing chunks",
-        observed=f"1 to each chunk, and a file of {len(fetched)} bytes",
+        observed=UserMessage("1 to each chunk, and a file of {count} bytes", count=len(fetched)),
     )
 
 
@@ -324,7 +324,7 @@ def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnectio
         fetched == content[:250],
         "a file whose size changed during the upload was accepted with bytes missing",
         expected="0 to the chunk with another size, or a file of the 250 bytes sent",
-        observed=f"a file of {len(fetched)} bytes",
+        observed=UserMessage("a file of {count} bytes", count=len(fetched)),
     )
     message = "the file size of the last chunk is used"
     subject.tolerate("5.1/13", "A-5-7", "last", message)

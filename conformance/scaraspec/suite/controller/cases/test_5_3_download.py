@@ -150,7 +150,7 @@ def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection)
         fetched in (b"", _CONTENT[:200]),
         message,
         expected="0, or the 200 bytes sent so far",
-        observed=f"{len(fetched)} bytes",
+        observed=UserMessage("{count} bytes", count=len(fetched)),
     )
     message = "the part received so far can be downloaded during the upload"
     subject.tolerate("5.3/3", "A-5-12", "visible", message)
@@ -195,7 +195,10 @@ def test_content_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnec
             "the chunks of a file of {size} bytes do not contain its content", size=size
         )
         expect(
-            fetched == content, message, expected=f"{size} bytes", observed=f"{len(fetched)} bytes"
+            fetched == content,
+            message,
+            expected=UserMessage("{count} bytes", count=size),
+            observed=UserMessage("{count} bytes", count=len(fetched)),
         )
 
 

@@ -358,8 +358,11 @@ def _expect_no_leftover(
         expect(
             sent_part.startswith(remaining),
             "an interrupted upload left a file with another content",
-            expected=f"no file, or the {len(sent_part)} bytes that were sent, or their beginning",
-            observed=f"{len(remaining)} bytes",
+            expected=UserMessage(
+                "no file, or the {count} bytes that were sent, or their beginning",
+                count=len(sent_part),
+            ),
+            observed=UserMessage("{count} bytes", count=len(remaining)),
             requirement="5.4/7",
         )
         message = "the part that was sent of an interrupted upload is kept"
@@ -601,7 +604,12 @@ def test_commands_during_a_download(subject: ControllerUnderTest, line: Outgoing
         raise
     _expect_status(line, status)
     message = "the content of a file changed with other commands during the download"
-    expect(content == _CONTENT, message, expected="650 bytes", observed=f"{len(content)} bytes")
+    expect(
+        content == _CONTENT,
+        message,
+        expected="650 bytes",
+        observed=UserMessage("{count} bytes", count=len(content)),
+    )
     if not serves_one_at_a_time(subject):
         _answer_chunks_between_queries(line, name)
 

@@ -182,7 +182,7 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
                 expect(
                     robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
                     "a node of a loop is not executed the second time",
-                    expected=f"output {port} changes",
+                    expected=UserMessage("output {port} changes", port=port),
                     observed="it does not change",
                 )
         expect(
@@ -344,7 +344,7 @@ def _timer_instead(
     expect(
         lasted_s >= least_s,
         "a program ends before its timer",
-        expected=f"at least {least_s:g} s",
+        expected=UserMessage("at least {limit_s} s", limit_s=f"{least_s:g}"),
         observed=f"{lasted_s:.2f} s",
         requirement="6.5/22",
     )
@@ -413,7 +413,7 @@ def _expect_loop(
         expect(
             robot.until(DONE, on=not initial[DONE - 1], within_s=within_s),
             "a loop does not count its iterations",
-            expected=f"output {DONE} changes",
+            expected=UserMessage("output {port} changes", port=DONE),
             observed="it does not change",
         )
         message = "the outputs during a loop differ from the result of its statements"

@@ -212,8 +212,8 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
             expect(
                 len(short_move) <= len(observed) + _OBSERVATION_TOLERANCE,
                 "a straight move over three points takes less time than a third of it",
-                expected=f"more than {len(short_move)} observations",
-                observed=f"{len(observed)} observations",
+                expected=UserMessage("more than {count} observations", count=len(short_move)),
+                observed=UserMessage("{count} observations", count=len(observed)),
             )
             return
         angles = [angle_difference(values[3], home[3]) for values in observed]
@@ -222,8 +222,15 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
         expect(
             peak is not None and min(angles[peak:], default=0) < -step / 2,
             "a straight move does not pass all its points",
-            expected=f"beyond {step / 2:g}, then beyond {-step / 2:g}, then {step / 2:g}",
-            observed=f"from {min(angles):g} to {max(angles):g}",
+            expected=UserMessage(
+                "beyond {first}, then beyond {second}, then {third}",
+                first=f"{step / 2:g}",
+                second=f"{-step / 2:g}",
+                third=f"{step / 2:g}",
+            ),
+            observed=UserMessage(
+                "from {first} to {last}", first=f"{min(angles):g}", last=f"{max(angles):g}"
+            ),
         )
 
 

@@ -139,7 +139,7 @@ def _check_duration(
     expect(
         lasted_s >= seconds / scale - EARLY_S,
         UserMessage("a wait of {seconds} s is too short", seconds=seconds),
-        expected=f"at least {seconds / scale:g} s",
+        expected=UserMessage("at least {limit_s} s", limit_s=f"{seconds / scale:g}"),
         observed=f"{lasted_s:.2f} s",
     )
     if trial.ended_s - trial.replied_s > longest_s:
@@ -147,7 +147,7 @@ def _check_duration(
     expect(
         trial.ended_s - trial.replied_s <= longest_s,
         UserMessage("a wait of {seconds} s is too long", seconds=seconds),
-        expected=f"at most {longest_s:g} s",
+        expected=UserMessage("at most {limit_s} s", limit_s=f"{longest_s:g}"),
         observed=f"{lasted_s:.2f} s",
     )
 
@@ -363,7 +363,9 @@ def test_continues_when_fulfilled(subject: ControllerUnderTest, line: OutgoingCo
                     port=port,
                     condition=condition,
                 ),
-                expected=f"output {output} is set to {on:d}",
+                expected=UserMessage(
+                    "output {port} is set to {value}", port=output, value=f"{on:d}"
+                ),
                 observed="it is not set",
             )
             expected_outputs = with_port(expected_outputs, output, on=on)

@@ -230,7 +230,10 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
         outcomes in ({as_compared}, {inverted}),
         "results other than 0 have no consistent meaning",
         expected="all without effect, or all inverting",
-        observed=f"branches executed, of the true and the false comparison: {sorted(outcomes)}",
+        observed=UserMessage(
+            "branches executed, of the true and the false comparison: {values}",
+            values=sorted(outcomes),
+        ),
     )
     if outcomes == {as_compared}:
         subject.set_reading("cmp_result", "output")

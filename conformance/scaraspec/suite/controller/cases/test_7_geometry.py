@@ -26,6 +26,7 @@ from scaraspec.suite.controller.harness.two_stage.results import expect_success
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
+from scaraspec.user_message import UserMessage
 
 _STATE = (Hazard.STATE,)
 _MOTION = (Hazard.MOTION,)
@@ -67,7 +68,11 @@ def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> N
     expect(
         abs(shift - length) <= REACHED,
         "the gripper center changes the tool coordinates, but not by its own length",
-        expected=f"{without_gripper}, or at a distance of {length:.1f} mm",
+        expected=UserMessage(
+            "{pose}, or at a distance of {distance_mm} mm",
+            pose=without_gripper,
+            distance_mm=f"{length:.1f}",
+        ),
         observed=f"{with_gripper}",
     )
     message = "the tool coordinates are those of the gripper center"
@@ -128,7 +133,7 @@ def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) ->
         expect(
             max_deviation(joints, second_joints) > 0 or pose_deviation(current, pose) <= STANDSTILL,
             "two poses have the same joint angles",
-            expected=f"other joint angles at {second_pose}",
+            expected=UserMessage("other joint angles at {pose}", pose=second_pose),
             observed=f"{second_joints}",
             requirement="4.27/6",
         )

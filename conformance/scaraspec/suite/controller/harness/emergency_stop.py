@@ -179,7 +179,7 @@ class StopMonitor:
             self.fail(
                 "4.17/6",
                 message,
-                f"within {LATE_S:g} s",
+                UserMessage("within {limit_s} s", limit_s=f"{LATE_S:g}"),
                 f"{late_s:.1f} s",
             )
         if not isinstance(seen.value, Acceptance):

@@ -17,6 +17,7 @@ from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, 
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.queries import opcodes_of
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 TARGETS: Final = ("get_time", "get_version", "get_status")
 OPCODES: Final = opcodes_of(*TARGETS)
@@ -188,7 +189,10 @@ def expect_only_replies(
         expect(
             opcode in opcodes and not seen.frame.tagged,
             "a frame came that no request asked for",
-            expected=f"replies with opcodes {', '.join(f'{each:02X}' for each in sorted(opcodes))}",
+            expected=UserMessage(
+                "replies with opcodes {opcodes}",
+                opcodes=", ".join(f"{each:02X}" for each in sorted(opcodes)),
+            ),
             observed=f"{seen.frame}",
             requirement=requirement if opcode in BY_OPCODE else "3/10",
         )

@@ -149,7 +149,7 @@ class ExecutionSteps(FileSteps):
             expect(
                 running.run_time_s <= longest_s + SLACK_S,
                 "the run time is longer than this run of the program",
-                expected=f"at most {longest_s:.1f} s",
+                expected=UserMessage("at most {limit_s} s", limit_s=f"{longest_s:.1f}"),
                 observed=f"{running.run_time_s} s",
                 requirement="4.9/5",
             )
@@ -356,7 +356,7 @@ class ExecutionSteps(FileSteps):
             expect(
                 after.joints != before.joints or not any(angle % 1 for angle in after.joints),
                 "the joint angles are unchanged although the tool has moved",
-                expected=f"others than {before.joints}",
+                expected=UserMessage("others than {joints}", joints=before.joints),
                 observed=f"{after.joints}",
                 requirement="4.27/4",
             )

@@ -199,8 +199,10 @@ class FileSteps(ConnectionSteps):
             expect(
                 received == expected,
                 UserMessage("the content of {name} differs from the upload", name=show(name)),
-                expected=f"{len(expected)} bytes",
-                observed="0" if received is None else f"{len(received)} bytes",
+                expected=UserMessage("{count} bytes", count=len(expected)),
+                observed="0"
+                if received is None
+                else UserMessage("{count} bytes", count=len(received)),
                 requirement="5.2/12",
             )
         return f"download {show(name)}"

@@ -150,7 +150,11 @@ def expect_clock_ran(
     expect(
         min_s - slack_s <= advance_s <= max_s + slack_s,
         message,
-        expected=f"{min_s:.1f} s after {first.time}",
-        observed=f"{then.time}, {advance_s:g} s after it",
+        expected=UserMessage(
+            "{elapsed_s} s after {time}", elapsed_s=f"{min_s:.1f}", time=first.time
+        ),
+        observed=UserMessage(
+            "{time}, {elapsed_s} s after it", time=then.time, elapsed_s=f"{advance_s:g}"
+        ),
         requirement=requirement,
     )

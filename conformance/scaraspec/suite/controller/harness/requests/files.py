@@ -295,8 +295,18 @@ def expect_stored(
             size_bytes=len(content),
             position=at,
         ),
-        expected=f"{len(content)} bytes, at {at}: {content[at : at + 8].hex(' ')}",
-        observed=f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}",
+        expected=UserMessage(
+            "{count} bytes, at {offset}: {data}",
+            count=len(content),
+            offset=at,
+            data=content[at : at + 8].hex(" "),
+        ),
+        observed=UserMessage(
+            "{count} bytes, at {offset}: {data}",
+            count=len(got),
+            offset=at,
+            data=got[at : at + 8].hex(" "),
+        ),
         requirement=requirement,
     )
 

@@ -54,7 +54,11 @@ def expect_form(subject: ControllerUnderTest, line: OutgoingConnection, name: st
     expect(
         re.fullmatch(rb"1\|[01]{%d}" % len(ports), answer.seen.text),
         UserMessage("the reply to {command} does not have one digit per port", command=name),
-        expected=f"1| and {len(ports)} digits, each 0 or 1: {len(ports) + 2} bytes",
+        expected=UserMessage(
+            "1| and {digit_count} digits, each 0 or 1: {count} bytes",
+            digit_count=len(ports),
+            count=len(ports) + 2,
+        ),
         observed=f"{answer}",
         requirement=requirement,
     )

@@ -75,6 +75,6 @@ def expect_direction(
         along > across,
         UserMessage("a jog towards {direction} moved the arm elsewhere", direction=direction),
         expected=f"{direction}",
-        observed=f"from {start[:3]} to {end[:3]}",
+        observed=UserMessage("from {first} to {last}", first=start[:3], last=end[:3]),
         requirement="4.28/3",
     )

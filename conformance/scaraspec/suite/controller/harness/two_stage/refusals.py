@@ -162,7 +162,9 @@ def expect_missing_program(
             "{command} of a program that is not stored is not answered with code 20", command=name
         ),
         expected="0|20",
-        observed=f"{first}" if last is first else f"{first}, then {last}",
+        observed=f"{first}"
+        if last is first
+        else UserMessage("{first}, then {second}", first=first, second=last),
         requirement=requirement,
     )
     if first.accepted:
