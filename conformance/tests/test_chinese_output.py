@@ -94,6 +94,20 @@ def test_audit(fixtures_dir: Path) -> None:
     assert english(shown("audit", *files), *_STRUCTURES, "position") == []
 
 
+def test_compared_values(fixtures_dir: Path, tmp_path: Path) -> None:
+    """What was expected and observed, on the terminal and in the columns of the page."""
+    page = tmp_path / "report.html"
+    capture = fixtures_dir / "captures/field/complaint-3.pcapng"
+    text = shown("audit", capture, "--html", page)
+    compared = re.findall("应为：(.*?)；实为：(.*?)）", text)
+    assert "76800 字节，位置 65600 处：40 41 42 43 44 45 46 47" in {each for each, _ in compared}
+    assert english("\n".join(map("\n".join, compared))) == []
+    columns = re.findall(r"<h3>.*?</h3><pre[^>]*>(.*?)</pre>", page.read_text("utf-8"), re.DOTALL)
+    chinese = re.findall('<span class="zh"[^>]*>(.*?)</span>', "".join(columns))
+    assert any("字节，位置" in each for each in chinese)
+    assert english("\n".join(chinese)) == []
+
+
 def test_summaries_in_markdown(fixtures_dir: Path, tmp_path: Path) -> None:
     """The summaries of `gate` and `compare`, and what these commands print."""
     results, markdown = tmp_path / "results.json", tmp_path / "summary.md"
