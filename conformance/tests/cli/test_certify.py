@@ -187,8 +187,8 @@ def test_hooks_that_are_missing(processes: Any, tmp_path: Path) -> None:
     host, port = processes.controller()
     out = tmp_path / "out"
     done = processes.run(
-        *("certify", "controller", f"tcp://{host}:{port}", "--only", "6.6a/14,4.8/2", *ALL),
-        *("--out", str(out)),
+        *("certify", "controller", f"tcp://{host}:{port}", *ALL, "--out", str(out)),
+        *("--only", "case:6.6a/14.driven-inputs,4.8/2"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "skipped: it needs set_input in [hooks] of the ICS" in done.stdout

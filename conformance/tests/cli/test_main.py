@@ -34,6 +34,7 @@ MAX_MODULES = 500
 COMMAND = Path(sysconfig.get_path("scripts"), "scaraspec")
 
 
+@pytest.mark.runs
 @pytest.mark.parametrize(
     "lines",
     [

@@ -34,7 +34,7 @@ class Recorder:
         self.processes = processes
         controller = processes.controller("--password", PASSWORD)
         self.process = processes.start(
-            *("record", "tcp://{}:{}".format(*controller), "--listen", "127.0.0.1:0"),
+            *("record", "tcp://{}:{}".format(*controller), "--listen", "127.0.0.1:0", "--no-rrd"),
             *("--out", f"{self.out}", "--archive", f"file://{self.store}", *options),
         )
         self.address = self.process.stdout.readline().split()[1]
@@ -103,7 +103,7 @@ def test_an_archive_is_built_from_the_store(
 
 def test_files_are_uploaded_during_the_recording(recorder: Callable[..., Recorder]) -> None:
     """The status has their number; the files of the next connection follow."""
-    robot = recorder("--rotate", "connection", "--no-rrd")
+    robot = recorder("--rotate", "connection")
     robot.talk()
     while not robot.stored:
         assert robot.process.poll() is None
@@ -224,7 +224,8 @@ def test_several_robots(processes: Any, tmp_path: Path) -> None:
         f'[robots.line-{number}]\nurl = "tcp://{host}:{port}"\nlisten = "{where}"\n'
         for number, ((host, port), where) in enumerate(zip(controllers, listening, strict=True))
     ]
-    shared = f'out = "{tmp_path / "out"}"\narchive = "{tmp_path / "store"}"\narchive-rate = "1MB"\n'
+    shared = f'out = "{tmp_path / "out"}"\narchive = "{tmp_path / "store"}"\n'
+    shared += 'archive-rate = "1MB"\nno-rrd = true\n'
     (tmp_path / "record.toml").write_text(shared + "".join(tables))
     recorder = processes.start("record", "--config", f"{tmp_path / 'record.toml'}")
     for _ in controllers:
