@@ -65,9 +65,9 @@ class UserMessage(str):
         return cls.of(value, value.replace("-", " "), {})
 
     @classmethod
-    def listed(cls, words: Iterable[str]) -> str:
-        """Return words as a list with commas; each word stays a message."""
-        return reduce(_listed, words, "")
+    def listed(cls, words: Iterable[str], *, semicolons: bool = False) -> str:
+        """Return words as a list with commas or semicolons; each word stays a message."""
+        return reduce(_with_semicolon if semicolons else _with_comma, words, "")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the rendered text: a value that became text does not fit ``{value:.1f}``."""
@@ -80,8 +80,12 @@ def sentence_of(error: BaseException) -> str:
     return sentence if isinstance(sentence, UserMessage) else f"{error}"
 
 
-def _listed(words: str, word: str) -> str:
+def _with_comma(words: str, word: str) -> str:
     return UserMessage("{words}, {word}", words=words, word=word) if words else word
+
+
+def _with_semicolon(words: str, word: str) -> str:
+    return UserMessage("{words}; {word}", words=words, word=word) if words else word
 
 
 def _shown(value: object) -> str:

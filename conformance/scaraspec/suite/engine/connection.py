@@ -207,14 +207,17 @@ class Connection:
     def no_reply_error(self, message: str) -> NoReply:
         """Return what to raise if a message that was due has not arrived."""
         self._owner.observer.report_late(self.name)
-        came = [f"{seen.frame}" for seen in self.inbox]
-        came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
+        came: list[str] = [f"{seen.frame}" for seen in self.inbox]
+        came += [
+            UserMessage("no frame: {data}", data=show(noise.data)) for noise in self.invalid_bytes
+        ]
         if self.unfinished:
             came.append("a part of a frame")
         if self.ending:
             ending = UserMessage(self.ending.value)
             came.append(UserMessage("the connection was {value}", value=ending))
-        return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")
+        observed = UserMessage.listed(came, semicolons=True) or "silence"
+        return NoReply(message, expected="an answer", observed=observed)
 
     # ------------------------------------------------------------------ listening
 

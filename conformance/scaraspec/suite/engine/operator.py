@@ -140,7 +140,9 @@ class HookRunner:
         """
         if self._operator is None:
             return False
-        request = "; ".join(REQUESTS[name].format_map(_in_words(values)) for values in each)
+        request = UserMessage.listed(
+            (UserMessage(REQUESTS[name], **_in_words(values)) for values in each), semicolons=True
+        )
         begun_ns, notes = self._now_ns(), list[str]()
         self._operator.ask(request)
         while (answer := self._operator.poll(notes.append)) is None:

@@ -112,7 +112,7 @@ class OtherClients(Interference):
         self._case.suspicious |= suspicious
         sentence = UserMessage(
             "the {name} was {value} instead of {expected}",
-            name=name,
+            name=UserMessage(name),
             value=shown(value),
             expected=shown(expected),
         )
@@ -133,8 +133,13 @@ class OtherClients(Interference):
         if listed is None:
             return None
         before, now = {name.encode("latin-1") for name in listed}, set(names)
-        more = {f"with {show(name)}" for name in now - before if not self._may_be_own(name)}
-        return frozenset(more | {f"without {show(name)}" for name in before - now})
+        more = {
+            UserMessage("with {name}", name=show(name))
+            for name in now - before
+            if not self._may_be_own(name)
+        }
+        fewer = {UserMessage("without {name}", name=show(name)) for name in before - now}
+        return frozenset(more | fewer)
 
     def _may_be_own(self, name: bytes) -> bool:
         """Whether the suite has sent this name, or this is a part of such a name."""
@@ -166,17 +171,17 @@ class OtherClients(Interference):
 
     def prove(self, name: str, was: Any, now: Any) -> None:
         """Record that a setting has changed while the suite sent only queries."""
-        change = f"from {shown(was)} to {shown(now)}"
         self._proofs[name] = UserMessage(
-            "the {name} changed {change} while the suite sent only queries",
-            name=name,
-            change=change,
+            "the {name} changed from {before} to {after} while the suite sent only queries",
+            name=UserMessage(name),
+            before=shown(was),
+            after=shown(now),
         )
         self._notify(self._proofs[name])
 
     def passed_again(self) -> None:
         """Record that the case failed after a change by another client and passed again."""
-        sentence = "; ".join(self._case.deviations.values())
+        sentence = UserMessage.listed(self._case.deviations.values(), semicolons=True)
         self._case.reason = UserMessage(
             "{reason}, it seems: {sentence}; the case passed when it was repeated",
             reason=REASON,
@@ -200,11 +205,16 @@ class OtherClients(Interference):
         """Why a failure of this case does not count; empty if it does."""
         record = self._cases.get(case, _Case())
         if not case and record.suspicious:  # the time between the cases cannot be repeated
-            return f"{REASON}, it seems: {'; '.join(record.deviations.values())}"
+            return UserMessage(
+                "{reason}, it seems: {sentence}",
+                reason=REASON,
+                sentence=UserMessage.listed(record.deviations.values(), semicolons=True),
+            )
         if record.reason or not self._proofs:
             return record.reason
         foreign = {name for name, setting in self.settings.items() if setting.foreign}
         if not record.touched & (self._proofs.keys() | foreign | record.deviations.keys()):
             return ""
         seen = [s for n, s in record.deviations.items() if n not in self._proofs]
-        return f"{REASON}: {'; '.join((*self._proofs.values(), *seen))}"
+        sentence = UserMessage.listed((*self._proofs.values(), *seen), semicolons=True)
+        return UserMessage("{reason}: {sentence}", reason=REASON, sentence=sentence)

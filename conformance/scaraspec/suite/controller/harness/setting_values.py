@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 CLOCK: Final = "clock"
 DEFAULT_PROGRAM: Final = "default program"
@@ -122,7 +123,7 @@ def shown(value: Any) -> str:
         case Clock(shown_s):
             return f"{datetime.fromtimestamp(shown_s, UTC):%Y-%m-%d %H:%M:%S}"
         case frozenset():
-            return ", ".join(("that of the start", *sorted(value)))
+            return UserMessage.listed((UserMessage("that of the start"), *sorted(value)))
         case bytes():
             return show(value) or "none"
         case tuple():

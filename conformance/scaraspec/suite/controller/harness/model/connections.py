@@ -13,6 +13,7 @@ from scaraspec.suite.controller.harness.requests.passwords import (
 )
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 _ALONE: Final = 3  # one of so many reconnections closes all connections
 
@@ -35,7 +36,7 @@ class ConnectionSteps(ModelState):
         if acts := [act for act in READING if act in self._acts]:
             act = acts[step.turn % len(acts)]
             getattr(self, f"_{act}")(step._replace(act=act), new)
-        return f"reconnect ({self._lines.index(new)})"
+        return UserMessage("reconnect ({connection})", connection=self._lines.index(new))
 
     def _replace(self, line: OutgoingConnection) -> OutgoingConnection:
         """Close a connection, and return a new one in its place."""
@@ -47,7 +48,7 @@ class ConnectionSteps(ModelState):
         if not self._subject.access.needs_login:
             return None
         self._subject.log_in(line, self._password)
-        return "log in again"
+        return UserMessage("log in again")
 
     def _log_in_wrongly(self, _: Step, _line: OutgoingConnection) -> str | None:
         if not (self._subject.supports_multiple_connections and self._subject.access.needs_login):
@@ -73,7 +74,7 @@ class ConnectionSteps(ModelState):
         with suppress(NoReply):  # two failures in a row may lock the suite out
             other.ask("login", self._password)
         other.close()
-        return "log in with a wrong password elsewhere"
+        return UserMessage("log in with a wrong password elsewhere")
 
     def _serves_another(self) -> bool:
         """Whether another connection is served; it may be served after one was closed."""
@@ -93,10 +94,10 @@ class ConnectionSteps(ModelState):
 
     def _change_password(self, new: bytes, line: OutgoingConnection) -> str:
         if not expect_password_changed(line, self._password, new):
-            return f"set the password {show(new)}, refused"
+            return UserMessage("set the password {password}, refused", password=show(new))
         self._password = new
         self._reconnect_all("4.2/4", "the next login with the new password was refused")
-        return f"set the password {show(new)}"
+        return UserMessage("set the password {password}", password=show(new))
 
     def _mistake_password(self, step: Step, line: OutgoingConnection) -> str | None:
         """Change the password with a wrong old one, and perhaps with the right one after that."""
@@ -110,11 +111,11 @@ class ConnectionSteps(ModelState):
             observed=f"{answer}",
             requirement="4.2/3",
         )
-        done = "change the password with a wrong old one"
+        done = UserMessage("change the password with a wrong old one")
         if step.value % 2:
             known = self._password == PLAIN_PASSWORD
             new = self._subject.password if known else PLAIN_PASSWORD
-            return f"{done}; {self._change_password(new, line)}"
+            return UserMessage.listed([done, self._change_password(new, line)], semicolons=True)
         self._reconnect_all("4.2/5", "the next login with the password was refused")
         return done
 

@@ -110,7 +110,7 @@ class ExecutionSteps(FileSteps):
 
     def _look(self, _: Step, line: OutgoingConnection) -> str:
         self._expect_executing(line)
-        return "look"
+        return UserMessage("look")
 
     def _expect_executing(self, line: OutgoingConnection) -> None:
         """Require that the status and the running program are those of the executing command."""
@@ -159,7 +159,7 @@ class ExecutionSteps(FileSteps):
         port, on = self._ports[index], bool((rounds + index) % 2)
         answer = set_output(line, port, on=on)
         if self._running and not answer.accepted:  # A-4.32-4
-            return f"set output {port}, refused"
+            return UserMessage("set output {port}, refused", port=port)
         expect(
             answer.accepted,
             UserMessage(
@@ -172,7 +172,7 @@ class ExecutionSteps(FileSteps):
             requirement="4.32/4",
         )
         self._outputs = {by: with_port(bits, port, on=on) for by, bits in self._outputs.items()}
-        return f"set output {port} to {on:d}"
+        return UserMessage("set output {port} to {value}", port=port, value=int(on))
 
     def _get_outputs(self, _: Step, line: OutgoingConnection) -> str:
         reported, as_set = outputs(line), self._outputs[frozenset()]
@@ -183,7 +183,7 @@ class ExecutionSteps(FileSteps):
             message = "the outputs differ from what was set"
             expect_equal(digits(reported), digits(as_set), message, requirement="4.32/6")
         self._outputs = dict.fromkeys(SWITCHED_OFF_BY, reported)
-        return "query the outputs"
+        return UserMessage("query the outputs")
 
     def _note_switch_off(self, event: str) -> None:
         for by in self._outputs:
@@ -209,11 +209,11 @@ class ExecutionSteps(FileSteps):
 
         In every second turn, another connection is closed and opened again during the program.
         """
-        uploaded = ""
+        uploaded = None
         if not self._endless_programs:
-            uploaded = f"{self._upload(step._replace(value=ENDLESS), line)}; "
+            uploaded = self._upload(step._replace(value=ENDLESS), line)
             if not self._endless_programs:  # the name was in use
-                return uploaded.rstrip("; ")
+                return uploaded
         command, other = ((SIMULATE, RUN)[n % 2] for n in (step.value, step.seed))
         executing = self._endless_programs[0]
         begun, refused = self._begin(command, executing, line), None
@@ -228,7 +228,8 @@ class ExecutionSteps(FileSteps):
             name = next((n for n in self._files if n != executing), self._name(step))
             refused = self._expect_busy(other, name, line)
         self._stop(step, line)
-        return uploaded + "; ".join(filter(None, (begun, refused, "stop")))
+        done = (uploaded, begun, refused, UserMessage("stop"))
+        return UserMessage.listed(filter(None, done), semicolons=True)
 
     def _begin(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
         if self._running and not self._simulation_ended(within_s=0):
@@ -243,13 +244,17 @@ class ExecutionSteps(FileSteps):
                     "{command} of a program that is not stored succeeds", command=command
                 )
                 expect(not result.done, message, observed=f"{result}", requirement="4.15/7")
-            return f"{command} {show(name)}, which is not stored"
+            return UserMessage(
+                "{command} {name}, which is not stored", command=command, name=show(name)
+            )
         expect_accepted(command, answer)
         self._note_program_settings(line)
         self._note_switch_off(command)
         if name in self._endless_programs:
             self._running = command, name, line
-            return f"{command} {show(name)}, which does not end"
+            return UserMessage(
+                "{command} {name}, which does not end", command=command, name=show(name)
+            )
         expect_success(self._subject, line, command)
         self._expect_written(command, name, line)
         return f"{command} {show(name)}"
@@ -276,7 +281,9 @@ class ExecutionSteps(FileSteps):
         answer = try_request(line, command, name)
         if answer is not None and answer.accepted and self._simulation_ended(within_s=0):
             stop_motion(self._subject, line)
-            return f"{command} {show(name)} after the end of a simulation"
+            return UserMessage(
+                "{command} {name} after the end of a simulation", command=command, name=show(name)
+            )
         expect(
             answer is None or not answer.accepted,
             UserMessage(
@@ -289,7 +296,7 @@ class ExecutionSteps(FileSteps):
             requirement="4/6",
         )
         self._expect_executing(line)
-        return f"{command} {show(name)} while it executes"
+        return UserMessage("{command} {name} while it executes", command=command, name=show(name))
 
     def _move(self, step: Step, line: OutgoingConnection) -> str | None:
         """Move to a pose near the start pose, and observe this on another connection.
@@ -319,7 +326,7 @@ class ExecutionSteps(FileSteps):
                 self._query_around(status, step, line, wait)
         expect_success(self._subject, line, MOVE)
         self._expect_place(other, target)
-        return f"move to {target[:_AXES]}"
+        return UserMessage("move to {position}", position=target[:_AXES])
 
     def _jog(self, step: Step, line: OutgoingConnection) -> str | None:
         """Jog for a moment, and observe this on another connection."""
@@ -361,7 +368,7 @@ class ExecutionSteps(FileSteps):
                 requirement="4.27/4",
             )
         self._scene.place = None if subject.traits.latches else after.pose
-        return f"jog towards {direction}"
+        return UserMessage("jog towards {direction}", direction=direction)
 
     def _release(self, _: Step, line: OutgoingConnection) -> str | None:
         """Release the joints and lock them again; the arm may move because of it (A-4.25-1)."""
@@ -371,7 +378,7 @@ class ExecutionSteps(FileSteps):
         with locked_afterwards(self._subject, line):
             release_joints(self._subject, line)
         self._scene.place = pose_of(line)
-        return "release and lock the joints"
+        return UserMessage("release and lock the joints")
 
     def _reset(self, _: Step, line: OutgoingConnection) -> str | None:
         """Reset a robot that is at its initial tool position (A-4.18-3)."""
@@ -384,7 +391,7 @@ class ExecutionSteps(FileSteps):
         begin(self._subject, line, RESET)
         expect_success(self._subject, line, RESET)
         self._scene.place = pose_of(line)
-        return "reset"
+        return UserMessage("reset")
 
     def _begin_motion(self, command: str, request: Callable[[], ReceivedFrame]) -> bool:
         """Start a motion; return False if the target is out of reach.
@@ -444,7 +451,7 @@ class ExecutionSteps(FileSteps):
         if self._scene.place is None or self._centers != [_ZERO]:
             return None
         self._expect_place(line, self._scene.place)
-        return "query the pose"
+        return UserMessage("query the pose")
 
     def _stop(self, step: Step, line: OutgoingConnection) -> str | None:
         """Stop a command on any connection."""
@@ -474,7 +481,7 @@ class ExecutionSteps(FileSteps):
         )
         self._running = None
         stop_motion(self._subject, owner)
-        return "stop" if stopping is owner else "stop on another connection"
+        return UserMessage("stop" if stopping is owner else "stop on another connection")
 
 
 def _written(bits: Bits, writes: Writes) -> Bits:

@@ -60,8 +60,10 @@ class FileSteps(ConnectionSteps):
         """Send a query in two parts, and other requests on another connection between them."""
         queries = [each for each in supported_queries(self._subject) if each.name not in _IN_PARTS]
         query = queries[step.turn % len(queries)]
-        self._query_around(query, step, line, lambda: self._interleave(step, line, "in a request"))
-        return f"{query.name} in two parts"
+        self._query_around(
+            query, step, line, lambda: self._interleave(step, line, UserMessage("in a request"))
+        )
+        return UserMessage("{command} in two parts", command=query.name)
 
     def _query_around(
         self, query: Query, step: Step, line: OutgoingConnection, act: Callable[[], None]
@@ -87,7 +89,7 @@ class FileSteps(ConnectionSteps):
             turn = turns * (_UNINTERRUPTED - 1) + rest + len(step.act)
             for act in possible[turn % len(possible)]:
                 description = getattr(self, f"_{act}")(step._replace(act=act), others[0])
-                self.history.append(f"{description or act}, {when}")
+                self.history.append(UserMessage.listed([description or act, when]))
 
     def _content(self, line: OutgoingConnection, step: Step) -> tuple[bytes, Writes]:
         """Return a program in one of several sizes, and the outputs that it sets.
@@ -114,7 +116,7 @@ class FileSteps(ConnectionSteps):
         self._settle_transfer(line)
         answer, exists = line.ask("upload_name", data=name), name in self._files
         if answer.accepted is False and not is_plain(name):  # A-5-20
-            return f"upload {show(name)}, refused"
+            return UserMessage("upload {name}, refused", name=show(name))
         if not (answer.accepted or exists):
             require_place(line, name)
         expect(
@@ -130,15 +132,17 @@ class FileSteps(ConnectionSteps):
             requirement="5.2/3" if exists else "5.2/2",
         )
         if exists:
-            return f"upload {show(name)} again"
+            return UserMessage("upload {name} again", name=show(name))
         for number, chunk in enumerate(chunks_of(content)):
             if number == 1:
-                self._interleave(step, line, "during a transfer")
+                self._interleave(step, line, UserMessage("during a transfer"))
             send_chunk(line, chunk)
         self._files[name], self._writes[name] = content, writes
         if step.value >= ENDLESS:
             self._endless_programs.append(name)
-        return f"upload {show(name)} of {len(content)} bytes"
+        return UserMessage(
+            "upload {name} of {size_bytes} bytes", name=show(name), size_bytes=len(content)
+        )
 
     def _abandon(self, step: Step, line: OutgoingConnection) -> str | None:
         """Break off an upload or a download in one of several ways."""
@@ -156,9 +160,9 @@ class FileSteps(ConnectionSteps):
             line.answer_chunk(accepted=False)
             with suppress(NoReply):  # it may close the connection (A-5-26)
                 line.sync()
-        self._interleave(step, line, "during a transfer")
+        self._interleave(step, line, UserMessage("during a transfer"))
         self._replace(line)
-        return f"abandon the download of {show(name)}"
+        return UserMessage("abandon the download of {name}", name=show(name))
 
     def _abandon_upload(self, step: Step, line: OutgoingConnection) -> str | None:
         """Close or reset a connection during an upload, perhaps after the error signal (L787).
@@ -172,7 +176,7 @@ class FileSteps(ConnectionSteps):
         begin_upload(line, name)
         for chunk in [*chunks_of(content)][: step.value]:
             send_chunk(line, chunk)
-        self._interleave(step, line, "during a transfer")
+        self._interleave(step, line, UserMessage("during a transfer"))
         match step.turn % _ABANDONMENTS:
             case 1:
                 line.send("upload_chunk", data=_ERROR_SIGNALS[step.seed % len(_ERROR_SIGNALS)])
@@ -182,7 +186,7 @@ class FileSteps(ConnectionSteps):
                 line.reset()
         new = self._replace(line)
         new.ask("delete_program", data=name)
-        return f"abandon the upload of {show(name)}"
+        return UserMessage("abandon the upload of {name}", name=show(name))
 
     def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
@@ -205,7 +209,7 @@ class FileSteps(ConnectionSteps):
                 else UserMessage("{count} bytes", count=len(received)),
                 requirement="5.2/12",
             )
-        return f"download {show(name)}"
+        return UserMessage("download {name}", name=show(name))
 
     def _received(self, step: Step, line: OutgoingConnection, name: bytes) -> bytes | None:
         """Download a file; None if the controller has no such file."""
@@ -214,7 +218,7 @@ class FileSteps(ConnectionSteps):
         content = b""
         for chunk in receive_chunks(line):
             if not content:
-                self._interleave(step, line, "during a transfer")
+                self._interleave(step, line, UserMessage("during a transfer"))
             content += chunk.data
         return content
 
@@ -223,7 +227,7 @@ class FileSteps(ConnectionSteps):
         self._settle_transfer(line)
         answer, exists = line.ask("delete_program", data=name), name in self._files
         if exists and not answer.accepted and self._is_default(name, line):  # A-4.11-1
-            return f"delete {show(name)}, refused"
+            return UserMessage("delete {name}, refused", name=show(name))
         expect(
             answer.accepted is exists,
             UserMessage(
@@ -241,7 +245,7 @@ class FileSteps(ConnectionSteps):
         if exists and name == self._accepted_default:
             self._accepted_default = self._default = None
             self._deleted = name
-        return f"delete {show(name)}"
+        return UserMessage("delete {name}", name=show(name))
 
     def _is_default(self, name: bytes, line: OutgoingConnection) -> bool:
         """Whether this is the default program, possibly set by an earlier sequence (A-4.13-1)."""
@@ -275,7 +279,7 @@ class FileSteps(ConnectionSteps):
                     observed=" ".join(map(show, listed)) or "none",
                     requirement="4.10/11" if name in self._files else "4.11/3",
                 )
-        return "list"
+        return UserMessage("list")
 
     def _set_default(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
@@ -295,10 +299,10 @@ class FileSteps(ConnectionSteps):
             self._default = None
         if answer.accepted:
             self._accepted_default = name
-        return f"make {show(name)} the default"
+        return UserMessage("make {name} the default", name=show(name))
 
     def _get_default(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._default is None:  # there may be no reply (A-4.12-2)
             return None
         expect_default(self._subject, line, self._default, "4.13/3")
-        return "query the default program"
+        return UserMessage("query the default program")

@@ -57,7 +57,7 @@ class Model(SettingSteps, ExecutionSteps):
         try:
             if self._running and step.act not in _WHILE_EXECUTING:
                 self._stop(step, line)
-                self.history.append("stop")
+                self.history.append(UserMessage("stop"))
             if step.act in _SERVED and self._unresponsive:
                 return
             line.cuts = step.cuts
@@ -127,10 +127,12 @@ class Model(SettingSteps, ExecutionSteps):
         line.ask("delete_program", data=name)
 
     def _add_history(self, error: CaseFailed, act: str) -> None:
-        steps = "; ".join(self.history[-_REPORTED_STEPS:]) or "nothing"
+        steps = UserMessage.listed(self.history[-_REPORTED_STEPS:], semicolons=True) or UserMessage(
+            "nothing"
+        )
         omitted = len(self.history) - _REPORTED_STEPS
         if omitted > 0:
-            steps = f"… {omitted} steps; {steps}"
+            steps = UserMessage("… {count} steps; {steps}", count=omitted, steps=steps)
         error.args = (
             UserMessage("{error}, in {step} after: {steps}", error=error, step=act, steps=steps),
         )

@@ -49,7 +49,7 @@ class SettingSteps(ModelState):
         value = Point(*(random.randint(-limit, limit) / 10 for limit in limits))
         if line.ask("set_gripper_center", value).accepted:
             self._centers = [value]
-        return f"set the gripper center {tuple(value)}"
+        return UserMessage("set the gripper center {position}", position=tuple(value))
 
     def _set_initial(self, step: Step, line: OutgoingConnection) -> str | None:
         random, tenths = step.random, int(self._subject.ics.motion.step_mm * 10)
@@ -58,7 +58,7 @@ class SettingSteps(ModelState):
         value = Pose(x, y, z, theta_x, 0, 0)
         if line.ask("set_initial_tool_position", value).accepted:  # it may be out of reach
             self._initials = [value[:_AXES]]
-        return f"set the initial position {tuple(value)}"
+        return UserMessage("set the initial position {pose}", pose=tuple(value))
 
     def _mistake_setting(self, step: Step, line: OutgoingConnection) -> str | None:
         """Send a setting that is malformed. If it is not accepted, it changes nothing."""
@@ -89,7 +89,7 @@ class SettingSteps(ModelState):
         self._centers = _one_of(self._centers, gripper_of(line), message, "4.20/3")
         message = "0x37 does not return the initial position that was set"
         self._initials = _one_of(self._initials, initial_of(line)[:_AXES], message, "4.21/3")
-        return "query the poses"
+        return UserMessage("query the poses")
 
     def _set_clock(self, step: Step, line: OutgoingConnection) -> str | None:
         random, now = step.random, read_clock(self._subject, line).time
@@ -99,14 +99,14 @@ class SettingSteps(ModelState):
             if kind := step.turn % _KINDS_OF_TIME:  # the begin of a day, a month, …
                 time = rollovers(time)[kind - 1] - _SECOND * random.randrange(2)
         self._clock = set_clock(self._subject, line, time)
-        return f"set the clock {self._clock.time}"
+        return UserMessage("set the clock {time}", time=self._clock.time)
 
     def _get_clock(self, _: Step, line: OutgoingConnection) -> str:
         now = read_clock(self._subject, line)
         if self._clock:
             message = "the clock does not run on from the time that was set"
             expect_clock_ran(self._subject, self._clock, now, message, "4.5/4")
-        return "query the time"
+        return UserMessage("query the time")
 
 
 def _one_of(

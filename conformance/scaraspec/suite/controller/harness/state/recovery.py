@@ -53,7 +53,7 @@ def recover(subject: ControllerUnderTest) -> None:
         UserMessage(
             "{interruption}: {done}",
             interruption=_interrupted(subject),
-            done="; ".join(done) or "nothing had to be restored",
+            done=UserMessage.listed(done, semicolons=True) or "nothing had to be restored",
         )
     )
 
@@ -82,8 +82,9 @@ def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
     subject.moved = earlier.motion
     differences = restore(subject)
     if differences.ours:
-        raise _failed(subject, "; ".join(differences.ours))
-    return [*done, *(f"{what}, restored" for what in left), *differences.others]
+        raise _failed(subject, UserMessage.listed(differences.ours, semicolons=True))
+    restored = [UserMessage("{change}, restored", change=what) for what in left]
+    return [*done, *restored, *differences.others]
 
 
 def _put_default_back(subject: ControllerUnderTest, earlier: Changes) -> None:
@@ -150,7 +151,7 @@ def _require(subject: ControllerUnderTest, left: dict[str, Hazard]) -> None:
             UserMessage(
                 "{interruption}, and {left}: allow the recovery with --allow {allow}",
                 interruption=_interrupted(subject),
-                left="; ".join(left),
+                left=UserMessage.listed(left, semicolons=True),
                 allow=allow,
             )
         )

@@ -191,14 +191,18 @@ def _program_differences(
             subject.files.note_stored(name.encode("latin-1"))  # the next run deletes it
     if added:
         default = _read_default(subject, line)
-        listed = [f"{n} (the default program)" if n == default else n for n in added]
+        listed = [
+            UserMessage("{name} (the default program)", name=n) if n == default else n
+            for n in added
+        ]
         differences.append(
-            UserMessage("{names} was not listed at the start", names=", ".join(listed))
+            UserMessage("{names} was not listed at the start", names=UserMessage.listed(listed))
         )
     if missing:
         differences.append(UserMessage("{names} is not listed any more", names=", ".join(missing)))
     return UserMessage(
-        "the program list differs: {differences}", differences="; ".join(differences)
+        "the program list differs: {differences}",
+        differences=UserMessage.listed(differences, semicolons=True),
     )
 
 
