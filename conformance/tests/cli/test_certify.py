@@ -199,6 +199,18 @@ def test_hooks_that_are_missing(processes: Any, tmp_path: Path) -> None:
     assert reasons["6.6a/14.driven-inputs"] is Reason.HOOK
 
 
+def test_a_fast_controller_whose_waits_are_too_long(processes: Any, tmp_path: Path) -> None:
+    """The delays of a link do not hide an eighth of a second."""
+    host, port = processes.controller("--time-scale", "8", "--mutant", "waits-at-least-one-second")
+    (tmp_path / "fast.toml").write_text("[subject]\ntime_scale = 8\n")
+    done = processes.run(
+        *("certify", "controller", f"tcp://{host}:{port}", "--ics", str(tmp_path / "fast.toml")),
+        *("--only", "case:6.5/20.none", "--allow", "state,motion", "--yes"),
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "6.5/20.none: a wait of 0 s is too long" in done.stdout
+
+
 def test_a_wrong_password_is_no_failure_of_the_subject(processes: Any) -> None:
     """The run is inconclusive, with one sentence about the password."""
     host, port = processes.controller("--password", "secret")
