@@ -97,9 +97,9 @@ def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 
 @case("6.5/27", "6.5/24", "6.5/25", "6.5/26", name="drawn", hazards=PROGRAMS)
 def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """Random programs with a move back along each value, or along a curve, end at its last point.
+    """Random programs with a move back along each value, or along curves, end at the last point.
 
-    The move is in a branch that is executed; the other branch moves back.
+    The moves are in a branch that is executed; the other branch moves back.
     """
     turns: dict[int, int] = {}
     with (
@@ -116,15 +116,15 @@ def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         @given(st.integers(0, 2**64))
         def run_and_check(seed: int) -> None:
             turn = turns.setdefault(seed, len(turns))
-            move = _drawn_move(robot_arm, turn)
-            way, back = move.points[-1], Go(robot_arm.speed_percent, [robot_arm.home])
+            moves = _drawn_moves(robot_arm, turn)
+            way, back = moves[-1].points[-1], Go(robot_arm.speed_percent, [robot_arm.home])
             program = dealer.program(seed, _KINDS)
             state = State(outputs(line), inputs, dict(program.variables))
             state.execute(program.block)
             result = number(state.variables[SUM])
-            branch = If(variable(SUM), Opt.LESS, result, [back], [move])
+            branch = If(variable(SUM), Opt.LESS, result, [back], [*moves])
             if turn % 3:
-                branch = If(variable(SUM), Opt.EQUAL, result, [move], [back])
+                branch = If(variable(SUM), Opt.EQUAL, result, [*moves], [back])
             checks = value_checks(state.variables, FAILED)
             nodes = nodes_of([*program.block, branch, *checks, Flip(DONE)], state.initial)
             state.execute([Flip(DONE)])
@@ -137,14 +137,18 @@ def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         run_and_check()
 
 
-def _drawn_move(robot_arm: Arm, turn: int) -> Go:
-    """Return a move to a step of one value; in every fifth turn it is a curve."""
+def _drawn_moves(robot_arm: Arm, turn: int) -> list[Go]:
+    """Return a move to a step of one value; in every fifth turn, curves of 3 and 5 points."""
     home, speed_percent, index = robot_arm.home, robot_arm.speed_percent, turn % _TURNS
     if index < len(_VALUE_INDICES):
-        return Go(speed_percent, [robot_arm.step(home, _VALUE_INDICES[index], -1)])
+        return [Go(speed_percent, [robot_arm.step(home, _VALUE_INDICES[index], -1)])]
     last = robot_arm.step(home, 2, -1)
     corner = robot_arm.step(home, 0)
-    return Go(speed_percent, [corner, robot_arm.step(corner, 2, -1), last], curved=True)
+    opposite = robot_arm.step(corner, 2, -1)
+    return [
+        Go(speed_percent, [corner, opposite, last], curved=True),
+        Go(speed_percent, [opposite, corner, home, corner, opposite], curved=True),
+    ]
 
 
 @case("6.5/27", name="out-of-reach", hazards=PROGRAMS)

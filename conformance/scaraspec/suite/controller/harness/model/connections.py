@@ -103,7 +103,9 @@ class ConnectionSteps(ModelState):
         """Change the password with a wrong old one, and perhaps with the right one after that."""
         if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
             return None
-        answer = request_password_change(line, self._password + b"-no", PLAIN_PASSWORD)
+        is_followed = step.value % 2  # by a change that another new password would show
+        unwanted = self._password if is_followed else PLAIN_PASSWORD
+        answer = request_password_change(line, self._password + b"-no", unwanted)
         expect(
             answer.accepted is False,
             "the password was changed although the old one was wrong",
@@ -112,7 +114,7 @@ class ConnectionSteps(ModelState):
             requirement="4.2/3",
         )
         done = UserMessage("change the password with a wrong old one")
-        if step.value % 2:
+        if is_followed:
             known = self._password == PLAIN_PASSWORD
             new = self._subject.password if known else PLAIN_PASSWORD
             return UserMessage.listed([done, self._change_password(new, line)], semicolons=True)
