@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 CERTIFY = [sys.executable, "-m", "scaraspec", "certify", "controller"]
-MOTION = ("--allow", "state,motion", "--only", "4.24/5")
+MOTION = ("--allow", "state,motion", "--only", "4.25/2")
 LIMIT_S = 60
 
 

@@ -14,6 +14,8 @@ from scaraspec.client import Client
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Results
 
+pytestmark = pytest.mark.runs
+
 REASON = "another client is using this robot"
 
 

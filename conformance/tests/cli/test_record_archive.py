@@ -16,6 +16,8 @@ from click.testing import CliRunner
 from scaraspec.cli.main import group
 from scaraspec.client import Client
 
+pytestmark = pytest.mark.runs
+
 PASSWORD = "a-secret-of-this-test"
 TIMEOUT_S = 60
 
