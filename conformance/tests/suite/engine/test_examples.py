@@ -1,11 +1,13 @@
 """Examples: values of a case, listed or drawn, are counted and reported."""
 
+import itertools
 from collections.abc import Callable
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from scaraspec.suite.engine.examples import count_examples, examples, given
+from scaraspec.suite.engine.examples import SHRINK_S, count_examples, examples, given
 from scaraspec.virtual_controller.core import ControllerCore
 from tests.suite.conftest import CaseResults
 
@@ -24,6 +26,28 @@ def test_examples_are_counted() -> None:
         assert next(examples("abc")) == "a"
         draw()
     assert tally.examples == 3 + 1 + len(drawn)
+
+
+def test_the_search_for_a_simpler_example_ends() -> None:
+    """After a minute no further example is tried; the simplest one so far is reported."""
+    clock_s = itertools.count(step=SHRINK_S / 4)
+    tried = []
+
+    @settings(max_examples=50, database=None)
+    @given(st.integers(0, 10**9))
+    def fail_if_large(number: int) -> None:
+        tried.append(number)
+        if number > 1000:
+            raise ValueError(number)
+
+    with (
+        count_examples(clock_s.__next__) as tally,
+        pytest.raises(ValueError, match=r"\d") as failed,
+    ):
+        fail_if_large()
+    assert 1 <= len(tally.failures) <= 5
+    assert failed.value in tally.failures.values()
+    assert failed.value.args[0] == min(number for number in tried if number > 1000)
 
 
 def test_examples_without_a_counter() -> None:
