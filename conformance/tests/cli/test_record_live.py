@@ -123,7 +123,7 @@ def session(processes: Any, tmp_path: Path) -> Iterator[Session]:
 def test_traffic_is_drawn_live(session: Session) -> None:
     """Traffic is drawn while it passes; the viewer stays open when the recording ends."""
     session.ask()
-    until(lambda: session.shown.stat().st_size > 100_000)
+    until(lambda: session.shown.exists() and session.shown.stat().st_size > 100_000)
     printed = session.end()
     assert session.recorder.returncode == 0, printed
     assert is_viewer(session.viewer)
