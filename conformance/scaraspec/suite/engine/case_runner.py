@@ -356,7 +356,7 @@ class CaseRunner(CaseCollector):
         begun_ns = subject.now_ns
         subject.begin_case()
         self._raised = None
-        with count_examples() as tally:
+        with count_examples(subject) as tally:
             self.reports = runtestprotocol(item, log=False, nextitem=nextitem)
         self._end_if_requested()
         outcome = unless_dependent(self._outcome(case), root_cause(self._raised))

@@ -4,7 +4,6 @@ A case tests one statement. If it holds for many values, each value is sent and 
 this is an example. Repetitions and steps of a sequence are not examples.
 """
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -16,12 +15,14 @@ import hypothesis
 from hypothesis.errors import HypothesisException
 from hypothesis.strategies import SearchStrategy
 
+from scaraspec.suite.engine.deadline import Clock, Deadline
+
 T = TypeVar("T")
 Test = Callable[..., None]
 
 
 SHRINK_S: Final = 60.0
-"""How long hypothesis looks for a simpler example after one has failed."""
+"""How long a simpler example is looked for after one has failed."""
 
 
 @dataclass(slots=True)
@@ -29,36 +30,42 @@ class Tally:
     """The examples of one attempt.
 
     Attributes:
-        now_s: Returns the time in seconds.
+        clock: The clock of the subject.
         examples: How many were tried.
+        drawn: How many of them were drawn.
         failures: The failure of each drawn example that failed.
-        failed_s: When the first one failed.
+        shrinking: When the search for a simpler example ends; None if none has failed.
     """
 
-    now_s: Callable[[], float] = time.monotonic
+    clock: Clock
     examples: int = 0
+    drawn: int = 0
     failures: dict[str, Exception] = field(default_factory=dict)
-    failed_s: float = 0.0
+    shrinking: Deadline | None = None
 
     def attempt(self, example: str, test: Callable[[], None]) -> None:
-        """Try a drawn example. After `SHRINK_S`, those that have failed fail again untried.
+        """Try a drawn example.
 
-        A subject that does not answer any more costs a timeout for each of hundreds of examples.
+        `SHRINK_S` after the first failure, no example is tried any more, and those that have failed
+        fail again: if the subject has stopped answering, each of hundreds costs a timeout. The
+        number of examples that the user asked for is tried in any case.
 
         Raises:
             Exception: The example fails.
         """
-        if self.failures and self.now_s() - self.failed_s > SHRINK_S:
+        is_extra = self.drawn >= hypothesis.settings().max_examples
+        if is_extra and self.shrinking and self.shrinking.expired:
             if example in self.failures:
                 raise self.failures[example]
             return
+        self.examples += 1
+        self.drawn += 1
         try:
             test()
         except HypothesisException:
             raise
         except Exception as error:
-            if not self.failures:
-                self.failed_s = self.now_s()
+            self.shrinking = self.shrinking or Deadline(self.clock, SHRINK_S)
             self.failures[example] = error
             raise
 
@@ -67,13 +74,13 @@ _TALLY: Final[ContextVar[Tally]] = ContextVar("tally")
 
 
 @contextmanager
-def count_examples(now_s: Callable[[], float] = time.monotonic) -> Iterator[Tally]:
+def count_examples(clock: Clock) -> Iterator[Tally]:
     """Count the examples that are tried while the context is active.
 
     Args:
-        now_s: Returns the time in seconds.
+        clock: The clock of the subject.
     """
-    tally = Tally(now_s)
+    tally = Tally(clock)
     token = _TALLY.set(tally)
     try:
         yield tally
@@ -84,7 +91,8 @@ def count_examples(now_s: Callable[[], float] = time.monotonic) -> Iterator[Tall
 def examples(values: Iterable[T]) -> Iterator[T]:
     """Yield these values and count each as an example."""
     for value in values:
-        _count()
+        if tally := _TALLY.get(None):  # else, in a test outside of a run of the suite
+            tally.examples += 1
         yield value
 
 
@@ -94,7 +102,6 @@ def given(*strategies: SearchStrategy[Any], **named: SearchStrategy[Any]) -> Cal
     def mark(test: Test) -> Test:
         @wraps(test)
         def counting(*arguments: Any, **more: Any) -> None:
-            _count()
             if tally := _TALLY.get(None):
                 tally.attempt(f"{arguments} {more}", lambda: test(*arguments, **more))
             else:
@@ -103,10 +110,3 @@ def given(*strategies: SearchStrategy[Any], **named: SearchStrategy[Any]) -> Cal
         return hypothesis.given(*strategies, **named)(counting)
 
     return mark
-
-
-def _count() -> None:
-    """Count one example. In a test outside of a run of the suite, nothing is counted."""
-    tally = _TALLY.get(None)
-    if tally is not None:
-        tally.examples += 1

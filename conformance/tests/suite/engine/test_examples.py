@@ -1,15 +1,28 @@
 """Examples: values of a case, listed or drawn, are counted and reported."""
 
-import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from scaraspec.suite.engine.examples import SHRINK_S, count_examples, examples, given
+from scaraspec.suite.engine.hypothesis_profile import HypothesisProfile
 from scaraspec.virtual_controller.core import ControllerCore
 from tests.suite.conftest import CaseResults
+
+
+@dataclass
+class _Clock:
+    """A clock on which each look takes a quarter of the time of a search."""
+
+    looks: int = 0
+
+    @property
+    def now_ns(self) -> int:
+        self.looks += 1
+        return round(self.looks * SHRINK_S / 4 * 1e9)
 
 
 def test_examples_are_counted() -> None:
@@ -21,7 +34,7 @@ def test_examples_are_counted() -> None:
     def draw(number: int) -> None:
         drawn.append(number)
 
-    with count_examples() as tally:
+    with count_examples(_Clock()) as tally:
         assert list(examples("abc")) == ["a", "b", "c"]
         assert next(examples("abc")) == "a"
         draw()
@@ -29,24 +42,24 @@ def test_examples_are_counted() -> None:
 
 
 def test_the_search_for_a_simpler_example_ends() -> None:
-    """After a minute no further example is tried; the simplest one so far is reported."""
-    clock_s = itertools.count(step=SHRINK_S / 4)
+    """After a minute, and the number of examples that the user asked for, none is tried any more.
+
+    The simplest one that has failed is reported.
+    """
     tried = []
 
-    @settings(max_examples=50, database=None)
-    @given(st.integers(0, 10**9))
-    def fail_if_large(number: int) -> None:
-        tried.append(number)
-        if number > 1000:
-            raise ValueError(number)
+    with HypothesisProfile(examples=4, seed=0), count_examples(_Clock()) as tally:
 
-    with (
-        count_examples(clock_s.__next__) as tally,
-        pytest.raises(ValueError, match=r"\d") as failed,
-    ):
-        fail_if_large()
-    assert 1 <= len(tally.failures) <= 5
-    assert failed.value in tally.failures.values()
+        @given(st.integers(0, 10**9))
+        def fail_if_large(number: int) -> None:
+            tried.append(number)
+            if number > 1000:
+                raise ValueError(number)
+
+        with pytest.raises(ValueError, match=r"\d") as failed:
+            fail_if_large()
+    assert 4 < len(tried) <= 4 + 4  # there are four looks at the clock in a minute
+    assert tally.examples == len(tried)
     assert failed.value.args[0] == min(number for number in tried if number > 1000)
 
 

@@ -24,7 +24,7 @@ from scaraspec.suite.controller.harness.sequences import (
 from scaraspec.suite.controller.harness.two_stage.executing import skip_if_other_program_runs
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.deadline import Deadline
-from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.examples import SHRINK_S, given
 from scaraspec.suite.engine.shrink import shrink_sequence
 
 _READ_ONLY: Final = (Hazard.READ_ONLY,)
@@ -50,8 +50,6 @@ _PROGRAMS: Final = (
 )
 _STEPS_PER_EXAMPLE: Final = 4  # of the longest sequence
 _LONG_STEPS_PER_EXAMPLE: Final = 15
-_SHRINK_S: Final = 60.0
-"""Time limit for shrinking a sequence to the steps that matter."""
 
 
 @case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_READ_ONLY)
@@ -116,7 +114,7 @@ def _run_in_any_order(
             steps = dealer.sequence(seed, _STEPS_PER_EXAMPLE * examples)
             if not failed and (failure := attempt(subject, operations, scene, steps)):
                 retry = partial(attempt, subject, operations, scene, like=failure)
-                deadline = Deadline(subject, _SHRINK_S)
+                deadline = Deadline(subject, SHRINK_S)
                 shrunk = shrink_sequence(steps, failure, retry, lambda: not deadline.expired)
                 failed[seed] = shrunk.error
             if error := failed.get(seed):  # hypothesis calls it twice
