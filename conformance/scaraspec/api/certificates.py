@@ -298,8 +298,11 @@ def verify_package(
             if results and found[0].passed:
                 known = mandatory_lists(manifest.role) if lists is None else lists
                 found += _checks_of_results(folder, manifest, results, known)
-            done = UserMessage("signed") if signer and signed_check.passed else signed_check.note
-            signed = done or UserMessage("unsigned")
+            signed = (
+                UserMessage("signed")
+                if signer and signed_check.passed
+                else signed_check.note or UserMessage("unsigned")
+            )
             verification = Verification(tuple(found), signed, results)
             if results is None or not verification.genuine:
                 return verification

@@ -44,7 +44,7 @@ from scaraspec.user_message import UserMessage
 _SLACK_S: Final = 0.5
 _SLACK_RATIO: Final = 0.1  # ratio of the seconds; the larger tolerance applies (6.5/20)
 _LINK_S: Final = 0.25  # in real time, if the controller's seconds are shorter
-_TWO_SECONDS: Final = 2  # how long waits of 0 s take on a fast controller if each takes a second
+_MEASURABLE_S: Final = 2  # of our clock: how long waits of 0 s last if each takes a second
 _LONG_S: Final = 200  # negative as a signed byte
 _SHORT_WATCH_S: Final = 0.2  # how long a waiting program is observed
 _WATCH_S: Final = 0.6  # the same for a single observation
@@ -99,7 +99,7 @@ def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection)
     """A wait of 0 seconds takes no time."""
     scale = subject.ics.time_scale
     # One second of a fast controller can be shorter than the delays of a link.
-    durations_s = [0] * (1 if scale == 1 else math.ceil(_TWO_SECONDS * scale))
+    durations_s = [0] * (math.ceil(_MEASURABLE_S * scale) if scale > 1 else 1)
     with bench(subject, line) as robot:
         robot.start(itertools.chain.from_iterable(map(wait, durations_s)))
         _expect_duration(subject, robot, durations_s)

@@ -12,11 +12,11 @@ from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.user_message import UserMessage
 
-CLOCK: Final = "clock"
+CLOCK: Final = UserMessage("clock")
 DEFAULT_PROGRAM: Final = "default program"
 GRIPPER_CENTRE: Final = "gripper centre"
 INITIAL_POSITION: Final = "initial tool position"
-OUTPUTS: Final = "outputs"
+OUTPUTS: Final = UserMessage("outputs")
 NETWORK: Final = "network"
 PROGRAMS: Final = "program list"
 

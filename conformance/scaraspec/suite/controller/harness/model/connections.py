@@ -103,7 +103,8 @@ class ConnectionSteps(ModelState):
         """Change the password with a wrong old one, and perhaps with the right one after that."""
         if not self._subject.access.needs_login or not self._subject.may_try_wrong_password():
             return None
-        is_followed = step.value % 2  # by a change that another new password would show
+        # If a change follows, it must not set the password of the refused request.
+        is_followed = step.value % 2
         unwanted = self._password if is_followed else PLAIN_PASSWORD
         answer = request_password_change(line, self._password + b"-no", unwanted)
         expect(

@@ -110,7 +110,7 @@ class ExecutionSteps(FileSteps):
 
     def _look(self, _: Step, line: OutgoingConnection) -> str:
         self._expect_executing(line)
-        return UserMessage("look")
+        return UserMessage("query the status and the running program")
 
     def _expect_executing(self, line: OutgoingConnection) -> None:
         """Require that the status and the running program are those of the executing command."""

@@ -200,13 +200,12 @@ class FileSteps(ConnectionSteps):
             )
             expect(received is None, message, expected="0", observed="1", requirement="5.3/3")
         else:
+            refused, content = "0", UserMessage("{count} bytes", count=len(received or b""))
             expect(
                 received == expected,
                 UserMessage("the content of {name} differs from the upload", name=show(name)),
                 expected=UserMessage("{count} bytes", count=len(expected)),
-                observed="0"
-                if received is None
-                else UserMessage("{count} bytes", count=len(received)),
+                observed=refused if received is None else content,
                 requirement="5.2/12",
             )
         return UserMessage("download {name}", name=show(name))
@@ -279,7 +278,7 @@ class FileSteps(ConnectionSteps):
                     observed=" ".join(map(show, listed)) or "none",
                     requirement="4.10/11" if name in self._files else "4.11/3",
                 )
-        return UserMessage("list")
+        return UserMessage("list the programs")
 
     def _set_default(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)

@@ -127,9 +127,8 @@ class Model(SettingSteps, ExecutionSteps):
         line.ask("delete_program", data=name)
 
     def _add_history(self, error: CaseFailed, act: str) -> None:
-        steps = UserMessage.listed(self.history[-_REPORTED_STEPS:], semicolons=True) or UserMessage(
-            "nothing"
-        )
+        reported = self.history[-_REPORTED_STEPS:] or [UserMessage("nothing")]
+        steps = UserMessage.listed(reported, semicolons=True)
         omitted = len(self.history) - _REPORTED_STEPS
         if omitted > 0:
             steps = UserMessage("… {count} steps; {steps}", count=omitted, steps=steps)
