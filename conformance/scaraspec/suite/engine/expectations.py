@@ -206,14 +206,14 @@ def expect_in(
         CaseFailed: It is not.
     """
     if observed not in options:
-        expected = reduce(_either, map(show_value, options))
+        expected = reduce(_either, map(show_value, options), "")
         raise CaseFailed(
             message, expected=expected, observed=show_value(observed), requirement=requirement
         )
 
 
 def _either(first: str, second: str) -> str:
-    return UserMessage("{first} or {second}", first=first, second=second)
+    return UserMessage("{first} or {second}", first=first, second=second) if first else second
 
 
 def show_value(value: Any) -> str:
