@@ -42,7 +42,6 @@ from scaraspec.suite.engine.outcome import (
     root_cause,
     unless_dependent,
     unless_disturbed,
-    was_interrupted,
 )
 from scaraspec.suite.engine.plan import Options, Skip, asks_operator, skip_reason
 from scaraspec.suite.engine.stall_detector import Stall
@@ -384,13 +383,12 @@ class CaseRunner(CaseCollector):
     def _end_if_requested(self) -> None:
         """End the run if the user has interrupted it.
 
-        The exception of a signal can be lost: during garbage collection, or because hypothesis
-        reports it in a group with other exceptions of a case.
+        The exception of a signal can be lost during garbage collection.
 
         Raises:
             KeyboardInterrupt: The user has interrupted the run.
         """
-        if self.subject.observer.interruption.requested or was_interrupted(self._raised):
+        if self.subject.observer.interruption.requested:
             raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:

@@ -21,8 +21,11 @@ T = TypeVar("T")
 Test = Callable[..., None]
 
 
-SHRINK_S: Final = 60.0
-"""How long a simpler example is looked for after one has failed."""
+SHRINK_S: Final = 30.0
+"""How long a simpler example is looked for after one has failed.
+
+A reproduction looks for it again.
+"""
 
 
 @dataclass(slots=True)
@@ -32,14 +35,12 @@ class Tally:
     Attributes:
         clock: The clock of the subject.
         examples: How many were tried.
-        drawn: How many of them were drawn.
         failures: The failure of each drawn example that failed.
         shrinking: When the search for a simpler example ends; None if none has failed.
     """
 
     clock: Clock
     examples: int = 0
-    drawn: int = 0
     failures: dict[str, Exception] = field(default_factory=dict)
     shrinking: Deadline | None = None
 
@@ -47,19 +48,16 @@ class Tally:
         """Try a drawn example.
 
         `SHRINK_S` after the first failure, no example is tried any more, and those that have failed
-        fail again: if the subject has stopped answering, each of hundreds costs a timeout. The
-        number of examples that the user asked for is tried in any case.
+        fail again: if the subject has stopped answering, each of hundreds costs a timeout.
 
         Raises:
             Exception: The example fails.
         """
-        is_extra = self.drawn >= hypothesis.settings().max_examples
-        if is_extra and self.shrinking and self.shrinking.expired:
+        if self.shrinking and self.shrinking.expired:
             if example in self.failures:
                 raise self.failures[example]
             return
         self.examples += 1
-        self.drawn += 1
         try:
             test()
         except HypothesisException:

@@ -49,6 +49,7 @@ class HypothesisProfile:
             phases=(Phase.explicit, Phase.generate, Phase.shrink),
             suppress_health_check=list(HealthCheck),
             print_blob=False,
+            report_multiple_bugs=False,  # a case reports one failure
         )
         settings.load_profile(_PROFILE)
         self._patch.setattr(core, "global_force_seed", self._seed)

@@ -156,13 +156,8 @@ def message_of(error: BaseException) -> str:
     return message if isinstance(message, str) else sentence_of(error)
 
 
-def was_interrupted(raised: BaseException | None) -> bool:
-    """Whether hypothesis reports an interruption by the user among the exceptions of a case."""
-    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
-
-
 def root_cause(raised: BaseException | None) -> BaseException | None:
-    """The exception of a case, without the wrapper of hypothesis (group, or `Flaky`)."""
+    """The exception of a case, without the wrapper for one that hypothesis cannot repeat."""
     if isinstance(raised, BaseExceptionGroup):
         inner = [root_cause(each) for each in raised.exceptions]
         return next(

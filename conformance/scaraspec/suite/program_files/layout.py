@@ -136,6 +136,9 @@ def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layou
             continue
         if _waited(subject, trial.requested_s, trial.ended_s):
             return layout, trial
+        shows_end = trial.ended_s > trial.requested_s or is_responsive(subject, line)
+        if not shows_end:  # no other layout would show more
+            return layout, trial
         ended = ended or (layout, trial)
     if ended is not None:
         return ended

@@ -30,7 +30,9 @@ def _duration_s(results: Results) -> float:
     return (results.run.ended_ns - results.run.begun_ns) / 1e9
 
 
-@pytest.mark.parametrize("fault", ["run-has-no-result", "run-ends-untagged"])
+@pytest.mark.parametrize(
+    "fault", ["run-has-no-result", "run-ends-untagged", "tag-behind-the-opcode"]
+)
 def test_run_without_final_results_ends_soon(fault: str) -> None:
     """A run takes at most a minute more than five times the duration of a good one.
 
