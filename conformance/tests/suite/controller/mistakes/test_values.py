@@ -14,7 +14,9 @@ import pytest
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import Point, PortValue
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.program_files import WaitInput, WaitTimer
 from scaraspec.virtual_controller.core import ControllerCore
+from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.session import Request, Session
 
 RunCases = Callable[..., Any]
@@ -361,6 +363,37 @@ class ClockOfYear2090(ControllerCore):
 def test_timer_case_is_inconclusive_with_a_late_clock(run_cases: RunCases) -> None:
     """The timer case is inconclusive if the time does not fit a timer."""
     assert run_cases(ClockOfYear2090, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
+
+
+class ChineseClock(ControllerCore):
+    """The clock shows Chinese time; timers are in UTC."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        if frame.opcode == 0x07:
+            utc = datetime.strptime(frame.data.decode() + "+0000", "%Y%m%d%H%M%S%z")
+            frame = frame._replace(data=f"{utc + timedelta(hours=8):%Y%m%d%H%M%S}".encode())
+        super().emit(session, frame)
+
+
+class ChineseClockWithoutTimers(ChineseClock):
+    """The clock shows Chinese time; timers are ignored."""
+
+    class PassesTimers(Run):
+        def _wait_ends_s(self, wait: WaitInput | WaitTimer, now_s: float) -> float:
+            return now_s if isinstance(wait, WaitTimer) else super()._wait_ends_s(wait, now_s)
+
+    interpreter = PassesTimers
+
+
+@pytest.mark.parametrize(
+    ("core", "verdict"),
+    [(ChineseClock, Verdict.TOLERATED), (ChineseClockWithoutTimers, Verdict.FAIL)],
+)
+def test_timers_with_another_clock(
+    run_cases: RunCases, core: type[ControllerCore], verdict: Verdict
+) -> None:
+    """With a clock in another zone a timer can be early, but not days before its time."""
+    assert run_cases(core, "6.5/22")["6.5/22"].verdict is verdict
 
 
 class IgnoresGripperCenter(ControllerCore):
