@@ -130,17 +130,20 @@ class PendingRequests:
                 continue
             repeated = entry.repeated_by
             later_fits = (
-                reply.begun_ns - repeated.time_ns < _PROMPT_NS
+                0 <= reply.begun_ns - repeated.time_ns < _PROMPT_NS
                 if repeated
                 else entry.exchange.overtaken
             )
+            # Bytes that were first read as the data of another frame are replies of earlier times.
+            later_fits = later_fits or reply.begun_ns < entry.exchange.time_ns
             rank = (other_name, other_opcode, later_fits)
             if rank < best_rank:
                 best, best_rank = entry, rank
         if best is None:
             return None
         self._answer(best, reply)
-        self._mark_ambiguous(best)
+        if not best.repeated_by or reply.begun_ns >= best.repeated_by.time_ns:
+            self._mark_ambiguous(best)
         return best.exchange
 
     def _mark_ambiguous(self, answered: _PendingRequest) -> None:

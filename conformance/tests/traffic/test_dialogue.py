@@ -77,6 +77,18 @@ def test_a_repeated_request_and_two_late_replies(judged: Judged) -> None:
     assert not record.unsolicited
 
 
+def test_a_reply_that_was_read_as_data_of_another_frame(judged: Judged) -> None:
+    """It answers the request before it, and not the one that was sent after the timeout."""
+    record = judged(
+        "login\n> get_status\n< =CC 39 90 02 31 31 AA\n< get_status 01\n+6\n> get_status\n"
+        "< get_status 02\n> close"
+    )
+    first, second = (x for x in record.exchanges if x.name == "get_status")
+    assert (first.reply_value, second.reply_value) == ("01", "02")
+    assert 0 < first.latency_ns < 10**9
+    assert not first.requested_again
+
+
 def test_a_reply_to_an_abandoned_request_is_late(judged: Judged) -> None:
     """A reply to an abandoned request is late, not unsolicited, once for each such request."""
     record = judged(
