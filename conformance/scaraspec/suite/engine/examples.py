@@ -21,10 +21,10 @@ T = TypeVar("T")
 Test = Callable[..., None]
 
 
-SHRINK_S: Final = 30.0
-"""How long a simpler example is looked for after one has failed.
+SHRINK_S: Final = 15.0
+"""The time for the first example that fails and the search for a simpler one, in seconds.
 
-A reproduction looks for it again.
+A reproduction searches again.
 """
 
 
@@ -47,8 +47,9 @@ class Tally:
     def attempt(self, example: str, test: Callable[[], None]) -> None:
         """Try a drawn example.
 
-        `SHRINK_S` after the first failure, no example is tried any more, and those that have failed
-        fail again: if the subject has stopped answering, each of hundreds costs a timeout.
+        `SHRINK_S` after the beginning of the first one that fails, no other is tried, and those
+        that have failed fail again: if the subject has stopped answering, each of hundreds costs a
+        timeout.
 
         Raises:
             Exception: The example fails.
@@ -58,12 +59,13 @@ class Tally:
                 raise self.failures[example]
             return
         self.examples += 1
+        limit = Deadline(self.clock, SHRINK_S)
         try:
             test()
         except HypothesisException:
             raise
         except Exception as error:
-            self.shrinking = self.shrinking or Deadline(self.clock, SHRINK_S)
+            self.shrinking = self.shrinking or limit
             self.failures[example] = error
             raise
 

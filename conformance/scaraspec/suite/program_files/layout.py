@@ -215,7 +215,7 @@ def _watch(
         runs, or when it was requested.
     """
     trial_s, slice_s = (each / subject.ics.time_scale for each in (TRIAL_S, _SLICE_S))
-    deadline, ran_until_s = Deadline(subject, TRIAL_S + subject.reply_s), requested_s
+    deadline, ran_until_s = Deadline(subject, trial_s + subject.reply_s), requested_s
     status: str | None = None
     while not (deadline.expired or line.ended):
         with suppress(NoReply):
