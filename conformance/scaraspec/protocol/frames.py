@@ -188,6 +188,13 @@ class Framer:
         )
         return bool(found) and isinstance(found[0], Frame)
 
+    @property
+    def holds_frame(self) -> bool:
+        """Whether the unfinished frame ends with a complete one: its length may be wrong."""
+        found = Framer(self.direction, self._recovery_filter)
+        items = found.feed(self._buffer[1:])
+        return bool(items) and isinstance(items[-1], Frame) and not found.buffered_bytes
+
     def announced_bytes(self, prefix_bytes: int) -> int:
         """Return the size of the unfinished frame, according to its length byte.
 

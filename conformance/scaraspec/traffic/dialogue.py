@@ -188,6 +188,7 @@ class Dialogue:
             yield from self._mark_uncertain(direction)
 
     def _process_bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
+        yield from self._end_silent_frames()
         yield from self._pending_requests.expire(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
         if event.direction is A2C:
@@ -204,10 +205,16 @@ class Dialogue:
             yield from self._forget_replies(executing)
             yield from self._pending_requests.drop_unseen(C2A, self._now_ns)
 
+    def _end_silent_frames(self) -> Iterator[TrafficEvent]:
+        for stream in self._streams.values():
+            for item in stream.end_silent_frame(self._now_ns):
+                yield from self._process(item)
+
     def close(self) -> Iterator[TrafficEvent]:
         """End the link or the capture: yield what is still pending. May be called again."""
         if self._replies_missing:
             self._pending_requests.mark_uncertain()
+        yield from self._end_silent_frames()
         for stream in self._streams.values():
             for item in stream.finish():
                 yield from self._process(item)

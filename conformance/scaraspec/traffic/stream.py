@@ -75,8 +75,8 @@ class Stream:
 
     @property
     def settled(self) -> bool:
-        """Whether `settle` would change nothing."""
-        return self._in_sync and not self._run
+        """Whether `settle` and `end_silent_frame` would change nothing."""
+        return self._in_sync and not self._run and not self._framer.buffered_bytes
 
     def _continue(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Process bytes after an unfinished frame."""
@@ -95,15 +95,31 @@ class Stream:
         framer = self._framer
         if event.time_ns - self._pieces[-1][1] >= _SILENCE_NS:
             self._silent_bytes = framer.offset_bytes + framer.buffered_bytes
-        at, buffered_bytes = framer.offset_bytes, self._silent_bytes - framer.offset_bytes
+        buffered_bytes = self._silent_bytes - framer.offset_bytes
         if buffered_bytes > 0 and framer.frame_follows(buffered_bytes, event.data):
-            self._claimed_bytes = at + framer.announced_bytes(buffered_bytes)
-            items = [
-                item if isinstance(item, Frame) else item._replace(reason=SkipReason.BAD_END)
-                for item in framer.abandon(buffered_bytes)
-            ]
-            yield from self._emit(at, items, certain=False)
-            yield from self.flush()
+            yield from self._abandon(buffered_bytes)
+
+    def end_silent_frame(self, now_ns: int) -> Iterator[FrameSeen | InvalidBytes]:
+        """Abandon an unfinished frame after a long silence, if another one was read as its data."""
+        ends_ns = self.silence_ends_ns
+        if ends_ns is not None and now_ns >= ends_ns and self._framer.holds_frame:
+            yield from self._abandon(self._framer.buffered_bytes)
+
+    def _abandon(self, buffered_bytes: int) -> Iterator[FrameSeen | InvalidBytes]:
+        framer = self._framer
+        at = framer.offset_bytes
+        self._claimed_bytes = at + framer.announced_bytes(buffered_bytes)
+        items = [
+            item if isinstance(item, Frame) else item._replace(reason=SkipReason.BAD_END)
+            for item in framer.abandon(buffered_bytes)
+        ]
+        yield from self._emit(at, items, certain=False)
+        yield from self.flush()
+
+    @property
+    def silence_ends_ns(self) -> int | None:
+        """When `end_silent_frame` ends the unfinished frame; None if there is none."""
+        return self._pieces[-1][1] + _SILENCE_NS if self._framer.buffered_bytes else None
 
     @property
     def buffered_bytes(self) -> int:

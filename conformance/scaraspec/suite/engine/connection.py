@@ -5,6 +5,7 @@ read. The observer sees everything. This module does not know the meaning of a f
 frame is expected.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Any, Final, NamedTuple, Protocol
@@ -240,10 +241,26 @@ class Connection:
             if self.ended:
                 return False
             others = self._owner.pump_others(self)
-            if self._receive(min(deadline_s, self.link.now_s + self.link.step_s), others):
+            until_s = min(deadline_s, self.link.now_s + self.link.step_s, self._silent_s)
+            if self._receive(until_s, others) or self._find_replies():
                 return True
             if self.link.now_s >= deadline_s:
                 return self._receive(deadline_s)  # it may have arrived while this machine stalled
+
+    @property
+    def _silent_s(self) -> float:
+        """When `_find_replies` can find more than now, on the clock of the link."""
+        ends_ns, now_ns = self._streams[self._receives].silence_ends_ns, self._owner.now_ns
+        if ends_ns is None or ends_ns <= now_ns:
+            return math.inf
+        return self.link.now_s + (ends_ns - now_ns) / _NS
+
+    def _find_replies(self) -> bool:
+        """Find the replies that were read as data of a frame with a wrong length."""
+        known = len(self.inbox)
+        found = self._streams[self._receives].end_silent_frame(self._owner.now_ns)
+        self._take(self._receives, found)
+        return len(self.inbox) > known
 
     @property
     def mid_frame(self) -> bool:

@@ -79,6 +79,17 @@ def test_verdicts(trial: Try, body: str, verdict: Verdict, cause: Cause | None) 
     assert (case.verdict, case.cause) == (verdict, cause)
 
 
+def test_a_reply_behind_a_wrong_length(trial: Try) -> None:
+    """A reply is found although the length of an earlier frame includes it."""
+    results = trial(
+        "@case('4.8/2')\ndef test_one(line):\n    line.ask('lock_joints')\n    line.wait(1)\n"
+        "    line.ask('get_status')\n",
+        mutants()["tag-behind-the-opcode"].wrong,
+    )
+    assert only(results).verdict is Verdict.PASS
+    assert "3/7" in {each for case in results.cases for each in case.requirements}
+
+
 class DiesOfAVersion(ControllerCore):
     """After a query of the version it answers nothing."""
 
