@@ -463,7 +463,7 @@ class Dialogue:
         # An earlier command of another connection has ended before this one was accepted.
         since_ns = after.time_ns if after and after.result else -1
         elsewhere = tagged and self.robot.was_accepted_elsewhere(
-            seen.name, self.connection, since_ns
+            seen.name, self.connection, seen.place.time_ns, since_ns
         )
         return UnsolicitedReply(seen, after, waiting, certain, late, elsewhere)
 

@@ -20,6 +20,8 @@ SETTLE_NS: Final = 1_000_000_000
 """For how long a robot may report after these commands that it still executes (A-4-9)."""
 RESULT_LAG_NS: Final = 500_000_000
 """How much later than a status 00 a final result may come if it was measured (A-4-9)."""
+COPY_NS: Final = 1_000_000_000
+"""How much later than a final result others may receive a copy of it (A-2-9)."""
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 
@@ -69,6 +71,7 @@ class RobotState:
         """Whether a two-stage command that was accepted in a gap may be executing."""
         self._doubtful_since_ns = 0
         self._files_bytes = 0
+        self._ended_ns: dict[str, int] = {}  # by command: its last final result
         self._accepted: dict[str, tuple[str, int]] = {}  # by command: last connection and time
         self._accepted_before: dict[str, tuple[str, int]] = {}  # the last on another connection
 
@@ -104,8 +107,22 @@ class RobotState:
             self._accepted_before[exchange.name] = before
         self._accepted[exchange.name] = connection, exchange.time_ns
 
+    def may_have_result(self, name: str, time_ns: int) -> bool:
+        """Whether a command of this name has no final result yet, or has just got it.
+
+        Other connections may receive this result, too (A-2-9).
+        """
+        if name not in self._accepted:
+            return False
+        ended_ns = self._ended_ns.get(name)
+        if ended_ns is None or ended_ns < self._accepted[name][1]:
+            return True
+        return time_ns - ended_ns < COPY_NS
+
     def end(self, exchange: Exchange) -> None:
         """Remove a two-stage command that ended or may have ended."""
+        if exchange.result:
+            self._ended_ns[exchange.name] = exchange.result.place.time_ns
         if exchange in self.executing:
             self.executing.remove(exchange)
         self.history.ended(exchange, busy=self.busy)
@@ -117,18 +134,22 @@ class RobotState:
             self.history.all_connections_closed(time_ns)
             self.last.pop("login", None)
 
-    def was_accepted_elsewhere(self, name: str, connection: str, since_ns: int = -1) -> bool:
-        """Whether another connection requested a two-stage command that was accepted.
+    def was_accepted_elsewhere(
+        self, name: str, connection: str, time_ns: int, since_ns: int = -1
+    ) -> bool:
+        """Whether a final result may be that of a command that another connection requested.
 
         Args:
             name: The command.
-            connection: This connection.
-            since_ns: Only commands requested later than this count.
+            connection: The connection of the result.
+            time_ns: The time of the result.
+            since_ns: Commands that were requested earlier do not count.
         """
         last = self._accepted.get(name)
         if last and last[0] == connection:
             last = self._accepted_before.get(name)
-        return last is not None and last[1] > since_ns
+        requested = last is not None and last[1] >= since_ns
+        return requested and self.may_have_result(name, time_ns)
 
     def seen_idle(self, status_ns: int) -> None:
         """Process a status 00 that was requested at this time, if it cannot be old (A-4.8-3)."""

@@ -83,6 +83,7 @@ LEFT = """
     2< login 1
 """
 TWO_CLIENTS = "login\n2> login password\n2< login 1\n"
+RESET_OF_ANOTHER = TWO_CLIENTS + "2> reset\n2< reset 1\n2<90 reset 11\n"
 
 LATER = """
     2> get_time
@@ -193,6 +194,11 @@ CASES = (
     ),
     ("3/17", "pass", "login\n> run_program a.rob\n< run_program 0|20"),
     ("3/17", "fail", "login\n> run_program a.rob\n< run_program 0|20\n<90 run_program 00|20"),
+    # The earlier reset of the other client has its result: a later one belongs to nobody.
+    ("3/17", "fail", RESET_OF_ANOTHER + "+2\n> reset\n< reset 0|01\n<90 reset 11"),
+    ("3/17", "fail", RESET_OF_ANOTHER + "+2\n2> reset\n2< reset 0|01\n<90 reset 11"),
+    # It may be a copy of the result that the other client has got.
+    ("3/16", "tolerated A-2-9=elsewhere", RESET_OF_ANOTHER + "<90 reset 11"),
     (
         "3/17",
         "inconclusive",

@@ -199,10 +199,15 @@ def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     return PASSED if x.result else None
 
 
-def _misplaced(unsolicited: UnsolicitedReply) -> bool:
+def _misplaced(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
     """Whether neither a delay nor another connection explains this final result."""
-    known = unsolicited.seen.frame.tagged and unsolicited.seen.command is not None
-    return known and not unsolicited.late and not unsolicited.elsewhere
+    seen = unsolicited.seen
+    if not seen.frame.tagged or seen.command is None or unsolicited.late or unsolicited.elsewhere:
+        return False
+    request, last = robot.history.last_requests.get(seen.name), robot.last.get(seen.name)
+    if request is None or (last is not None and last.request is request):
+        return True
+    return request.place.connection == seen.place.connection
 
 
 def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
@@ -212,9 +217,21 @@ def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bo
     return unsolicited.elsewhere or (request is not None and request.place.connection != here)
 
 
+def _refused_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> Exchange | None:
+    """Return the command whose result this is, if another connection requested it in vain."""
+    seen = unsolicited.seen
+    last = robot.last.get(seen.name)
+    if not seen.frame.tagged or unsolicited.late or last is None or last.accepted is not False:
+        return None
+    here = last.request.place.connection == seen.place.connection
+    return None if here or robot.may_have_result(seen.name, seen.place.time_ns) else last
+
+
 @rule("3/16", on=UnsolicitedReply, sender=C2A)
 def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """A final result without an accepted request before it."""
+    if _refused_elsewhere(unsolicited, robot):
+        return None  # 3/17 judges it
     if _requested_elsewhere(unsolicited, robot) and not unsolicited.late:
         template = (
             "a final result of {command} came on a connection that did not request it"
@@ -223,7 +240,7 @@ def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> 
         )
         message = UserMessage(template, command=unsolicited.seen.name)
         return tolerated("A-2-9", "elsewhere", message)
-    if not _misplaced(unsolicited):
+    if not _misplaced(unsolicited, robot):
         return None
     name = unsolicited.seen.name
     waiting = next((x for x in unsolicited.waiting if x.name == name), None)
@@ -253,10 +270,12 @@ def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/17", on=UnsolicitedReply, sender=C2A)
-def result_after_refusal(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
-    """After a first reply beginning with "0" no final result is sent."""
-    after = unsolicited.after
-    if not _misplaced(unsolicited) or not after or after.accepted is not False:
+def result_after_refusal(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
+    """After a first reply beginning with "0" no final result is sent on any connection."""
+    after = _refused_elsewhere(unsolicited, robot)
+    if not after and _misplaced(unsolicited, robot):
+        after = unsolicited.after
+    if not after or after.accepted is not False:
         return None
     return failed(
         UserMessage(
@@ -306,10 +325,10 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
 
 
 @rule("3/18", on=UnsolicitedReply, sender=C2A)
-def second_result(unsolicited: UnsolicitedReply, _: RobotState) -> RuleResult | None:
+def second_result(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """A second final result of the same command."""
     after = unsolicited.after
-    if not _misplaced(unsolicited) or not after or not after.result:
+    if not _misplaced(unsolicited, robot) or not after or not after.result:
         return None
     return failed(
         UserMessage("the controller sent a second final result of {command}", command=after.name),

@@ -67,7 +67,10 @@ def test_late_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("4.10/10", name="many")
 def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """Hundreds of names arrive in full or small parts; a list without its last part fails."""
+    """Hundreds of names arrive in full or small parts; a list without its last part fails.
+
+    The names of that list are not in the list that the next connection brings.
+    """
     listed = [f"pro{number:03}.rob" for number in range(_MANY)]
     for per_part in examples((22, 10)):  # of 11 bytes each
         _lists(subject, line, listed, per_part=per_part)
@@ -75,6 +78,7 @@ def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
     serve_list(subject, line, call, list_parts(*listed, per_part=22)[:-1])
     line.close()
     subject.expect_failure(call, requirement="T/9")
+    _lists(subject, subject.open(), listed[:2], per_part=1)
 
 
 @client_case("4.10/10", "T/9", name="order")

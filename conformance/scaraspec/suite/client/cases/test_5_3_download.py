@@ -347,11 +347,11 @@ def test_first_chunk_out_of_bounds(
 def test_later_chunk_out_of_bounds(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client rejects a later chunk that exceeds the buffer or fileSize."""
     for count, size, length in examples(
-        ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200))
+        ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200), (1, 650, 256 + 200))
     ):
         download = _sent(subject, line, count)
         position = 200 * count
-        _rejected(download, Chunk(size, position, length, content_of(max(length, 200))))
+        _rejected(download, Chunk(size, position, length, content_of(min(max(length, 200), 243))))
         line = expect_served(subject, line, "a chunk out of bounds")
 
 

@@ -20,6 +20,7 @@ from scaraspec.suite.client.harness.transfer_silence import (
     expect_given_up_despite_queries,
     expect_survives_silence,
 )
+from scaraspec.suite.client.harness.two_stage import RUN, begin_and_accept, expect_finished
 from scaraspec.suite.client.harness.uploads import Upload, receive_upload
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
@@ -128,6 +129,9 @@ def _recovered(
     expect(not late, message, expected="0 or silence", observed="1", requirement="5.4/5")
     line.inbox.clear()
     send_download(subject, line, _WHOLE, "5.4/6")
+    call = begin_and_accept(subject, line, RUN)
+    line.result(RUN.name)
+    expect_finished(subject, call, requirement="5.4/6")
 
 
 # After a failed transfer

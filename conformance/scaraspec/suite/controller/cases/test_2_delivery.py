@@ -77,8 +77,8 @@ def test_slowly(subject: ControllerUnderTest) -> None:
 
 @case("2/5", name="pause")
 def test_pause(subject: ControllerUnderTest) -> None:
-    """Requests with pauses of almost a second are answered: two in a header, one after data."""
-    parts = {subject.open(): ("get_status", split_bytes(GET_STATUS, (1, 1)))}
+    """Requests with pauses of almost a second are answered: three in a frame, one after data."""
+    parts = {subject.open(): ("get_status", split_bytes(GET_STATUS, (1, 1, 1)))}
     if subject.supports_multiple_connections:
         line, query = subject.open(), supported_queries(subject, _WITH_DATA)[0]
         frame = query.frame(line).encode()

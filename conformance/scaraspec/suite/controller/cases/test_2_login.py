@@ -69,9 +69,17 @@ class _UnauthenticatedClient:
         self.accepted_frames: list[FrameSeen] = []
         self._subject, self._wrong_logins = subject, wrong_logins
 
-    def ask(self, *requests: tuple[str, Any]) -> None:
-        """Connect, send requests, and collect replies for a moment."""
+    def ask(self, *requests: tuple[str, Any], closing: OutgoingConnection | None = None) -> None:
+        """Connect, send requests, and collect replies for a moment.
+
+        Args:
+            requests: The requests, by command and value.
+            closing: A connection that is closed before they are sent.
+        """
         line = self._connect()
+        if closing:
+            closing.close()
+            self._collect_replies(line, _PAUSE_S)
         for name, value in examples(requests):
             try:
                 line.send(name, value)
@@ -220,12 +228,16 @@ def test_wrong_login(subject: ControllerUnderTest) -> None:
 
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
 def test_second_client_without_login(subject: ControllerUnderTest) -> None:
-    """Settings of a client without a login have no effect while another client is logged in."""
+    """Settings of a client without a login have no effect while another client is logged in.
+
+    They also have none after that client, which connected earlier, has left.
+    """
     subject.require_multiple_connections()
-    subject.open()
+    other = subject.open()
     client = _UnauthenticatedClient(subject)
     with _settings_unchanged(subject) as settings:
         client.ask(*settings)
+        client.ask(*settings, closing=other)
     client.expect_nothing_accepted()
 
 

@@ -1,5 +1,6 @@
 """Clause 4.9: the running program (0x0A, L219-237)."""
 
+from contextlib import suppress
 from datetime import datetime
 from typing import Final, NamedTuple
 
@@ -10,6 +11,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.requests.clock import (
     ClockSample,
     expect_clock_ran,
+    has_clock,
     read_clock,
     rollover_if_possible,
 )
@@ -178,7 +180,8 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     """A running program is reported with all 30 bytes of its name, and its run time increases.
 
     The clock advances, too, into a leap day. Another program is the default program, if the SUT has
-    one. A second client gets the same reply. The run time of a second run begins with 0.
+    one. A second client gets the same reply. The run time of a second run begins with 0, and does
+    not change when the clock is set.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
@@ -193,11 +196,13 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def _run_into_a_leap_day(
     subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
 ) -> None:
-    with (
-        clock_preserved(subject, line),
-        rollover_if_possible(subject, line, _LEAP_DAY),
-    ):
-        _run_and_check(subject, line, name, other)
+    with clock_preserved(subject, line):
+        try:
+            with rollover_if_possible(subject, line, _LEAP_DAY):
+                _run_and_check(subject, line, name, other)
+            _run_again(subject, line, name)
+        finally:
+            stop_motion(subject, line)
 
 
 def _run_and_check(
@@ -205,36 +210,45 @@ def _run_and_check(
 ) -> None:
     second_line = subject.open() if subject.supports_multiple_connections else line
     requested_s = _now_s(subject)
-    try:
-        begin_or_skip(subject, line, "run_program", name)
-        first = clock_before = None
-        for _ in range(_READS):
-            if first:
-                line.wait(_STEP_S / subject.ics.time_scale)
-            current = _read_run_time(subject, line, name)
-            if current is None:
-                break
-            if first is None:
-                _expect_counted_from_start(subject, requested_s, current)
-                first, clock_before = current, _read_clock(subject, line)
-                _expect_listed(subject, line, other, name)
-            message = "the run time does not match the elapsed time"
-            _expect_increase(subject, first, current, message)
-            _expect_flag_and_status(line, "4.9/10")
-            _expect_flag_and_status(second_line, "4.9/2")
-            _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
-        else:
-            line.result("run_program")
-        expect_idle(subject, line, "the robot is not idle although run_program has ended")
-        _expect_no_program(line, "a program is reported as running although it has ended")
+    begin_or_skip(subject, line, "run_program", name)
+    first = clock_before = None
+    for _ in range(_READS):
+        if first:
+            line.wait(_STEP_S / subject.ics.time_scale)
+        current = _read_run_time(subject, line, name)
+        if current is None:
+            break
         if first is None:
-            raise EndedTooSoon("the program ended before its status could be requested")
-        requested_s = _now_s(subject)
-        begin_or_skip(subject, line, "run_program", name)
-        if again := _read_run_time(subject, line, name):
-            _expect_counted_from_start(subject, requested_s, again)
-    finally:
-        stop_motion(subject, line)
+            _expect_counted_from_start(subject, requested_s, current)
+            first, clock_before = current, _read_clock(subject, line)
+            _expect_listed(subject, line, other, name)
+        message = "the run time does not match the elapsed time"
+        _expect_increase(subject, first, current, message)
+        _expect_flag_and_status(line, "4.9/10")
+        _expect_flag_and_status(second_line, "4.9/2")
+        _expect_clock_advances(subject, clock_before, _read_clock(subject, line))
+    else:
+        line.result("run_program")
+    expect_idle(subject, line, "the robot is not idle although run_program has ended")
+    _expect_no_program(line, "a program is reported as running although it has ended")
+    if first is None:
+        raise EndedTooSoon("the program ended before its status could be requested")
+
+
+def _run_again(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> None:
+    """Expect that the run time begins with 0, and that setting the clock does not change it."""
+    requested_s = _now_s(subject)
+    begin_or_skip(subject, line, "run_program", name)
+    first = _read_run_time(subject, line, name)
+    if first is None:
+        return
+    _expect_counted_from_start(subject, requested_s, first)
+    if has_clock(subject):
+        with suppress(NoReply):  # a robot that executes need not answer (A-4-3)
+            line.ask("set_time", _LEAP_DAY)
+    if later := _read_run_time(subject, line, name):
+        message = "the run time does not match the elapsed time after the clock was set"
+        _expect_increase(subject, first, later, message)
 
 
 def _expect_listed(

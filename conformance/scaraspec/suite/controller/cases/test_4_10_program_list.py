@@ -30,7 +30,7 @@ from scaraspec.user_message import UserMessage
 
 _EMPTY_LIST: Final = (b"0", b"0|", b"")
 """The possible replies of an empty program store (A-4.10-4)."""
-_MANY_PROGRAMS: Final = 40  # more than 32
+_MANY_PROGRAMS: Final = 70  # more than 64
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths result in parts of every length close to the maximum."""
 _NODES: Final = 258

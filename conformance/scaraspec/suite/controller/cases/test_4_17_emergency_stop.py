@@ -92,7 +92,8 @@ def expect_stopped(
 def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers "0", or follows the reading that a stop always succeeds.
 
-    Nothing else changes. A request in the same segment after the stop is served.
+    Nothing else changes. A request in the same segment after the stop is served, and a later move
+    moves the arm.
     """
     require_command(subject, STOP)
     subject.moved = True
@@ -117,6 +118,30 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
         expected="00",
         observed=f"{status}",
     )
+    with suppress(CaseSkipped):
+        _expect_move(subject, line)
+
+
+def _expect_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Expect that a step that reports success has moved the arm.
+
+    Raises:
+        CaseSkipped: There is no room for a step, or no such command.
+    """
+    before = pose_of(line)
+    with arm_returned(subject, line):
+        _, reply = begin_step_somewhere(subject, line)
+        expect_accepted(MOVE, reply)
+        expect_success(subject, line, MOVE)
+        line.wait(TOLERATED_S)
+        pose = pose_of(line)
+        expect(
+            not same_place(before, pose),
+            "a move after the stop of an idle robot reports success, but the arm has not moved",
+            expected=UserMessage("another pose than {pose}", pose=tuple(before)),
+            observed=f"{tuple(pose)}",
+            requirement="4.24/8",
+        )
 
 
 def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
@@ -135,7 +160,10 @@ def _status_after_stop(subject: ControllerUnderTest, line: OutgoingConnection) -
 @pytest.mark.parametrize("name", STATES)
 @case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
 def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    """A stop interrupts each command: "1", "11", and at most one result of the command itself."""
+    """A stop interrupts each command: "1", "11", and at most one result of the command itself.
+
+    A reset directly after one that was stopped is not refused as busy.
+    """
     with executing_task(subject, line, name, queries=False) as task:
         reply = line.ask(STOP)
         if not reply.accepted and task.finished:
@@ -149,6 +177,17 @@ def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
         _skip_if_over(reply, task)
         expect_stopped(subject, line, reply)
         _expect_interrupted(line, task)
+        if name == RESET:
+            _expect_reset(subject, line)
+
+
+def _expect_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
+    """Expect that an idle robot does not refuse a reset as busy; a stop may have latched it."""
+    answer = line.ask(RESET)
+    if answer.accepted:
+        expect_success(subject, line, RESET)
+    elif answer.code in BUSY:
+        expect_accepted(RESET, answer)
 
 
 def _skip_if_over(reply: ReceivedFrame, task: Task) -> None:
@@ -292,13 +331,20 @@ def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 
 @case("4.17/3", name="again", hazards=_MOTION)
 def test_repeated_stops(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A program can be stopped each time it is run; each run starts from the beginning."""
+    """A program can be stopped each time it is run; each run starts from the beginning.
+
+    Every second stop comes from another client; the result of the program is not only sent to it.
+    """
     with executing_task(subject, line, RUN, queries=False):  # it determines the layout
         pass
     program = upload_wait_program(subject, line)
-    for _ in range(_REPEATS):
+    other = subject.open() if subject.supports_multiple_connections else line
+    for number in range(_REPEATS):
+        stopping = other if number % 2 else line
         expect_accepted(RUN, line.ask(RUN, program))
-        expect_stopped(subject, line, line.ask(STOP))
+        expect_stopped(subject, stopping, stopping.ask(STOP))
+        if interrupted_result(line, RUN) is None and stopping is not line:
+            other.no_result(RUN, for_s=0, requirement="3/16")
         running = line.ask("get_running_program")
         expect(
             running.value is None,

@@ -80,6 +80,7 @@ _CLOCK_S: Final = 1.25
 _US: Final = 1e6
 _MANY_NODES: Final = 500
 """Number of nodes that does not fit one byte."""
+_WAITS: Final = 2  # before the nodes of a loop have the effect of the last iteration
 _LATE_S: Final = 5.0
 """How late a loop of a few nodes may be, in seconds of the controller: there is no limit."""
 
@@ -170,7 +171,7 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     ]
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
-        body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
+        body.append(If(variable(key), Opt.EQUAL, number(_WAITS + 1), [Flip(port)]))
     with bench(subject, line) as robot, clock_preserved(subject, line):
         nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
         skipped = loop(subject.dialect, nodes_of([Flip(_FAILED)], robot.before))
@@ -180,15 +181,17 @@ def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
             for port in (first, last):
                 expect(
-                    robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
-                    "a node of a loop is not executed the second time",
+                    robot.until(
+                        port, on=not robot.before[port - 1], within_s=_WAITS * (1 + _LATE_S)
+                    ),
+                    "a node of a loop is not executed the third time",
                     expected=UserMessage("output {port} changes", port=port),
                     observed="it does not change",
                 )
         expect(
-            robot.since_s() >= robot.ours_s(1) - EARLY_S,
+            robot.since_s() >= robot.ours_s(_WAITS) - EARLY_S,
             "a loop starts again before its wait is over",
-            expected="1 s",
+            expected=f"{_WAITS} s",
             observed=f"{robot.since_s():.2f} s",
             requirement="6.5/20",
         )

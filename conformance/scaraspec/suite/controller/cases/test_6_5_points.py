@@ -36,6 +36,7 @@ from scaraspec.user_message import UserMessage
 
 _VALUE_INDICES: Final = (3, 2, 1, 0)  # the last one only turns the gripper
 _TURNS: Final = 5  # each value, and a curve
+_ROUNDS: Final = 5  # of four points, along the longer curve: more than a table of 16 contains
 _KINDS: Final = ("calculate", "put", "flip", "branch", "pass")
 """The statements before a drawn move."""
 _MIN_OBSERVATIONS: Final = 8
@@ -138,7 +139,7 @@ def test_drawn_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 
 
 def _drawn_moves(robot_arm: Arm, turn: int) -> list[Go]:
-    """Return a move to a step of one value; in every fifth turn, curves of 3 and 5 points."""
+    """Return a move to a step of one value; in every fifth turn, curves of 3 and 21 points."""
     home, speed_percent, index = robot_arm.home, robot_arm.speed_percent, turn % _TURNS
     if index < len(_VALUE_INDICES):
         return [Go(speed_percent, [robot_arm.step(home, _VALUE_INDICES[index], -1)])]
@@ -147,7 +148,7 @@ def _drawn_moves(robot_arm: Arm, turn: int) -> list[Go]:
     opposite = robot_arm.step(corner, 2, -1)
     return [
         Go(speed_percent, [corner, opposite, last], curved=True),
-        Go(speed_percent, [opposite, corner, home, corner, opposite], curved=True),
+        Go(speed_percent, [*[opposite, corner, home, corner] * _ROUNDS, opposite], curved=True),
     ]
 
 

@@ -329,7 +329,8 @@ def _check_conditions(line: OutgoingConnection, robot: Bench) -> None:
                 fulfilled.append(waiting)
                 continue
             before = outputs(line)  # a stop may have cleared outputs
-            robot.start([waiting, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
+            output = set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])
+            robot.start([*fulfilled, waiting, output])
             description = UserMessage(
                 "input {port} is {on:d} and the condition is {condition} with {value}",
                 port=ports[on],

@@ -15,6 +15,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     driven_inputs,
     inputs_unchanged,
     outputs,
+    set_output,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -192,12 +193,15 @@ def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConne
 
 
 def _check_input_operands(robot: Bench, line: OutgoingConnection) -> None:
+    """Compare the operands with 0x42, while the outputs of the same ports have other states."""
     block: list[Statement] = []
     for port, output in zip(INPUTS, OUTPUTS, strict=False):
         block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
         block.append(Assign(_X, input_port(port)))
         block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
     with inputs_unchanged(line) as states:
+        for port in INPUTS:
+            set_output(line, port, on=not states[port - 1])
         robot.performs([*block, Flip(_FAILED)], {_X: -1}, inputs=states)
 
 

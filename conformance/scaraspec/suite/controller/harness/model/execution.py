@@ -207,7 +207,8 @@ class ExecutionSteps(FileSteps):
     def _interrupt(self, step: Step, line: OutgoingConnection) -> str | None:
         """Start a program that does not end, perhaps try another command, and stop it.
 
-        In every second turn, another connection is closed and opened again during the program.
+        In every second turn, another connection is closed and opened again during the program. A
+        stopped simulation is followed by the run of a program that sets outputs.
         """
         uploaded = None
         if not self._endless_programs:
@@ -228,7 +229,9 @@ class ExecutionSteps(FileSteps):
             name = next((n for n in self._files if n != executing), self._name(step))
             refused = self._expect_busy(other, name, line)
         self._stop(step, line)
-        done = (uploaded, begun, refused, UserMessage("stop"))
+        written = next((n for n in self._files if self._writes.get(n)), None)
+        ran = self._begin(RUN, written, line) if written and command == SIMULATE else None
+        done = (uploaded, begun, refused, UserMessage("stop"), ran)
         return UserMessage.listed(filter(None, done), semicolons=True)
 
     def _begin(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
