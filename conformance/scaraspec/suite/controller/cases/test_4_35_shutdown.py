@@ -5,18 +5,11 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
-from scaraspec.suite.controller.harness.two_stage.commands import (
-    RUN,
-    SIMULATE,
-    STATES,
-    require_command,
-    try_request,
-)
+from scaraspec.suite.controller.harness.two_stage.commands import RUN, require_command, try_request
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import executing_task
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.deadline import Deadline
-from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -36,32 +29,27 @@ _SHUTDOWN_S: Final = 1.0
 
 @case("4.35/2", "4/15", name="busy", hazards=(*_HAZARDS, Hazard.STATE), last=True)
 def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
-    """A shutdown while a program runs, or is simulated, is refused, and the robot stays on."""
+    """A shutdown while a program runs is refused with "0|01", and the robot stays on."""
     require_command(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("a robot that queues the request would shut down when the program ends")
-    for name in examples((RUN, SIMULATE)):
-        with executing_task(subject, line, name) as task:
-            reply = try_request(line, _SHUTDOWN)
-            if name == SIMULATE and task.finished:  # its duration is open (A-4.16-1)
-                raise CaseSkipped("the simulation ended before the shutdown was refused")
-            task.require_executing()
-            expect(
-                reply is not None and reply.accepted is False and reply.code == STATES[name],
-                UserMessage(
-                    "the shutdown was not refused with the state of {command}", command=name
-                ),
-                expected=f"0|{STATES[name]}",
-                observed=f"{reply}",
-                requirement="4/15",
-            )
-            status = line.ask("get_status")
-            expect(
-                status.value == STATES[name] or task.finished,
-                "the running program ended after a refused shutdown",
-                expected=STATES[name],
-                observed=f"{status}",
-            )
+    with executing_task(subject, line, RUN) as task:
+        reply = try_request(line, _SHUTDOWN)
+        task.require_executing()
+        expect(
+            reply is not None and reply.accepted is False and reply.code == "01",
+            "the shutdown was not refused with 01 while a program ran",
+            expected="0|01",
+            observed=f"{reply}",
+            requirement="4/15",
+        )
+        status = line.ask("get_status")
+        expect(
+            status.value == "01" or task.finished,
+            "the running program ended after a refused shutdown",
+            expected="01",
+            observed=f"{status}",
+        )
     line.wait(_SHUTDOWN_S)
     try:
         line.ask("get_status")

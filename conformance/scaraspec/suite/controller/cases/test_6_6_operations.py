@@ -13,6 +13,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     digits,
     driven_inputs,
+    inputs,
     inputs_unchanged,
     outputs,
     set_output,
@@ -199,9 +200,9 @@ def _check_input_operands(robot: Bench, line: OutgoingConnection) -> None:
         block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
         block.append(Assign(_X, input_port(port)))
         block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
+    for port, on in zip(INPUTS, inputs(line), strict=False):
+        set_output(line, port, on=not on)  # it may be wired to an input
     with inputs_unchanged(line) as states:
-        for port in INPUTS:
-            set_output(line, port, on=not states[port - 1])
         robot.performs([*block, Flip(_FAILED)], {_X: -1}, inputs=states)
 
 
