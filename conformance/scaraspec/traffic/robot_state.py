@@ -20,7 +20,7 @@ SETTLE_NS: Final = 1_000_000_000
 """For how long a robot may report after these commands that it still executes (A-4-9)."""
 RESULT_LAG_NS: Final = 500_000_000
 """How much later than a status 00 a final result may come if it was measured (A-4-9)."""
-COPY_NS: Final = 1_000_000_000
+COPY_NS: Final = 100_000_000
 """How much later than a final result others may receive a copy of it (A-2-9)."""
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096

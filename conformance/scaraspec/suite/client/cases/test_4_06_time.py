@@ -26,9 +26,10 @@ def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
 @client_case("T/9", name="time")
 def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
-    """The client reports times of a century exactly, and never an earlier reply."""
+    """The client reports times of two centuries exactly, and never an earlier reply."""
 
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(1970, 1, 1))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2000, 2, 29))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2096, 2, 29, 12))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone

@@ -52,6 +52,7 @@ def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
 
     @example(1, Pose(0, 0, 0, 0, 0, 0))
     @example(100, Pose(-0.1, 0.1, -100, -179.9, 0, 0))
+    @example(50, Pose(-1234.567, 1000.001, 0.001, 123.456, 0, 0))
     @given(st.integers(1, 100), _poses)
     def each(speed: int, expected: Pose) -> None:
         call = subject.begin(_MOVE, speed=speed, **expected._asdict())

@@ -239,7 +239,7 @@ def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -
         )
 
 
-@case("6.5/25", name="moves", hazards=PROGRAMS, slow=True)
+@case("6.5/25", name="moves", hazards=PROGRAMS)
 def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Points belong to the move before them: two moves of two points end at the fourth point.
 
