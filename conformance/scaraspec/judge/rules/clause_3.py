@@ -218,7 +218,7 @@ def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bo
 
 
 def _refused_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> Exchange | None:
-    """Return the command whose result this is, if another connection requested it in vain."""
+    """Return the command whose result this is, if it was refused on another connection."""
     seen = unsolicited.seen
     last = robot.last.get(seen.name)
     if not seen.frame.tagged or unsolicited.late or last is None or last.accepted is not False:
