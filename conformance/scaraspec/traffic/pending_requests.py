@@ -134,9 +134,9 @@ class PendingRequests:
                 if repeated
                 else entry.exchange.overtaken
             )
-            # Bytes that were first read as the data of another frame are replies of earlier times.
-            later_fits = later_fits or reply.begun_ns < entry.exchange.time_ns
-            rank = (other_name, other_opcode, later_fits)
+            # A reply that was first read as the data of another frame is older than later requests.
+            is_older = reply.begun_ns < entry.exchange.time_ns
+            rank = (other_name, other_opcode, later_fits or is_older)
             if rank < best_rank:
                 best, best_rank = entry, rank
         if best is None:

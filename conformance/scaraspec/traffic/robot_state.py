@@ -107,7 +107,7 @@ class RobotState:
             self._accepted_before[exchange.name] = before
         self._accepted[exchange.name] = connection, exchange.time_ns
 
-    def may_have_result(self, name: str, time_ns: int) -> bool:
+    def _may_have_result(self, name: str, time_ns: int) -> bool:
         """Whether a command of this name has no final result yet, or has just got it.
 
         Other connections may receive this result, too (A-2-9).
@@ -149,7 +149,7 @@ class RobotState:
         if last and last[0] == connection:
             last = self._accepted_before.get(name)
         requested = last is not None and last[1] >= since_ns
-        return requested and self.may_have_result(name, time_ns)
+        return requested and self._may_have_result(name, time_ns)
 
     def seen_idle(self, status_ns: int) -> None:
         """Process a status 00 that was requested at this time, if it cannot be old (A-4.8-3)."""

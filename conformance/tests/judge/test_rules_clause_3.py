@@ -196,7 +196,7 @@ CASES = (
     ("3/17", "fail", "login\n> run_program a.rob\n< run_program 0|20\n<90 run_program 00|20"),
     # The earlier reset of the other client has its result: a later one belongs to no command.
     ("3/17", "fail", RESET_OF_ANOTHER + "+2\n> reset\n< reset 0|01\n<90 reset 11"),
-    ("3/17", "fail", RESET_OF_ANOTHER + "+2\n2> reset\n2< reset 0|01\n<90 reset 11"),
+    ("3/16", "fail", RESET_OF_ANOTHER + "+2\n2> reset\n2< reset 0|01\n<90 reset 11"),
     # It may be a copy of the result that the other client has got.
     ("3/16", "tolerated A-2-9=elsewhere", RESET_OF_ANOTHER + "<90 reset 11"),
     (

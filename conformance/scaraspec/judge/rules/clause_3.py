@@ -202,36 +202,26 @@ def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
 def _misplaced(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
     """Whether neither a delay nor another connection explains this final result."""
     seen = unsolicited.seen
-    if not seen.frame.tagged or seen.command is None or unsolicited.late or unsolicited.elsewhere:
-        return False
-    request, last = robot.history.last_requests.get(seen.name), robot.last.get(seen.name)
-    if request is None or (last is not None and last.request is request):
-        return True
-    return request.place.connection == seen.place.connection
+    known = seen.frame.tagged and seen.command is not None
+    return known and not unsolicited.late and not _requested_elsewhere(unsolicited, robot)
 
 
 def _requested_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> bool:
-    """Whether another connection sent the request; its own reply may still be on the way."""
-    request = robot.history.last_requests.get(unsolicited.seen.name)
-    here = unsolicited.seen.place.connection
-    return unsolicited.elsewhere or (request is not None and request.place.connection != here)
+    """Whether this may belong to a request of another connection, also if its reply is on the way.
 
-
-def _refused_elsewhere(unsolicited: UnsolicitedReply, robot: RobotState) -> Exchange | None:
-    """Return the command whose result this is, if it was refused on another connection."""
+    A command that has ended, or was refused, has no further result.
+    """
     seen = unsolicited.seen
-    last = robot.last.get(seen.name)
-    if not seen.frame.tagged or unsolicited.late or last is None or last.accepted is not False:
-        return None
-    here = last.request.place.connection == seen.place.connection
-    return None if here or robot.may_have_result(seen.name, seen.place.time_ns) else last
+    request, last = robot.history.last_requests.get(seen.name), robot.last.get(seen.name)
+    if unsolicited.elsewhere or request is None:
+        return unsolicited.elsewhere
+    has_ended = seen.frame.tagged and last is not None and last.request is request
+    return request.place.connection != seen.place.connection and not has_ended
 
 
 @rule("3/16", on=UnsolicitedReply, sender=C2A)
 def result_without_request(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
     """A final result without an accepted request before it."""
-    if _refused_elsewhere(unsolicited, robot):
-        return None  # 3/17 judges it
     if _requested_elsewhere(unsolicited, robot) and not unsolicited.late:
         template = (
             "a final result of {command} came on a connection that did not request it"
@@ -271,11 +261,9 @@ def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
 
 @rule("3/17", on=UnsolicitedReply, sender=C2A)
 def result_after_refusal(unsolicited: UnsolicitedReply, robot: RobotState) -> RuleResult | None:
-    """After a first reply beginning with "0" no final result is sent on any connection."""
-    after = _refused_elsewhere(unsolicited, robot)
-    if not after and _misplaced(unsolicited, robot):
-        after = unsolicited.after
-    if not after or after.accepted is not False:
+    """After a first reply beginning with "0" no final result is sent."""
+    after = unsolicited.after
+    if not _misplaced(unsolicited, robot) or not after or after.accepted is not False:
         return None
     return failed(
         UserMessage(
