@@ -261,6 +261,12 @@ def test_missing_replies(certified: Certified, make: type[AsyncClient]) -> None:
     assert set(cases.values()) <= set(GOOD)
 
 
+def test_hanging_up_before_a_late_first_reply(wrong: Defect) -> None:
+    """A client that waits three seconds for a first reply may then end the connection."""
+    only = frozenset({"4/16.late-reply"})
+    assert not wrong(HangsUpAfterTimeouts, only, DEFAULT.replace(reply_timeout="3"))
+
+
 class LooksWhereItStopped(AsyncClient):
     """Reads the position before it reports the result of a stop."""
 

@@ -503,10 +503,11 @@ def test_late_reply_during_the_next_request(
     expect(not call.ok, "the client reports success without a reply", observed=f"{call}")
     line.wait(_SHORT_S)  # the timeout is over, also for the judge
     other, _ = subject.prefer_unpolled("get_version", "get_time", "get_status")
-    query = subject.begin(other)
-    if sent_or_answered(subject, line, query) is not None:
-        line.serve(query, data=REPLIES[other])
-        expect_reply_reported(subject, query, other, REPLIES[other], requirement="3/27")
+    with suppress(CaseSkipped):  # a client need not have this query
+        query = subject.begin(other)
+        if sent_or_answered(subject, line, query) is not None:
+            line.serve(query, data=REPLIES[other])
+            expect_reply_reported(subject, query, other, REPLIES[other], requirement="3/27")
     call = begin_operation(subject, name)
     if sent_or_answered(subject, line, call) is None:
         raise CaseSkipped("the client sends no further request after a missing reply")
