@@ -241,15 +241,15 @@ class Connection:
             if self.ended:
                 return False
             others = self._owner.pump_others(self)
-            until_s = min(deadline_s, self.link.now_s + self.link.step_s, self._silent_s)
+            until_s = min(deadline_s, self.link.now_s + self.link.step_s, self._silence_ends_s)
             if self._receive(until_s, others) or self._find_replies():
                 return True
             if self.link.now_s >= deadline_s:
                 return self._receive(deadline_s)  # it may have arrived while this machine stalled
 
     @property
-    def _silent_s(self) -> float:
-        """When `_find_replies` can find more than now, on the clock of the link."""
+    def _silence_ends_s(self) -> float:
+        """When `_find_replies` can find more than now, on the clock of the link; else infinity."""
         ends_ns, now_ns = self._streams[self._receives].silence_ends_ns, self._owner.now_ns
         if ends_ns is None or ends_ns <= now_ns:
             return math.inf

@@ -22,10 +22,7 @@ Test = Callable[..., None]
 
 
 SHRINK_S: Final = 15.0
-"""The time for the first example that fails and the search for a simpler one, in seconds.
-
-A reproduction searches again.
-"""
+"""How long a simpler failure is searched for. A reproduction searches again, within a minute."""
 
 
 @dataclass(slots=True)
