@@ -112,7 +112,7 @@ class StaysSimulating(ControllerCore):
 
 
 class NamesRefusedCommand(ControllerCore):
-    """The result of a command has the opcode of the one that was refused meanwhile."""
+    """The result of a command has the opcode of the last one that was refused."""
 
     def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
         if self.robot.task and command.two_stage and answer == refused(self.robot.task.state):
